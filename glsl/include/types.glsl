@@ -1,0 +1,149 @@
+// Structs that Rust and GLSL share. build.rs reflects them and emits their Rust twins (crate::shaders): they are
+// declared here and nowhere else. Comments after members give unit and range.
+
+#ifndef STILLRAY_TYPES
+#define STILLRAY_TYPES
+
+// A cached sample: 16 bytes (paper 1, section 5).
+struct Sample {
+    vec3 position;  // object space, metres; for SKY_INSTANCE a unit direction in world space; for NEW_INSTANCE (x, y, 0) in pixels
+    uint instance;  // bit 31: occluded in the frame that wrote it; bits 0..30: instance, or one of the two marks below
+};
+
+const uint OCCLUDED_BIT = 0x80000000u;
+const uint INSTANCE_MASK = 0x7fffffffu;
+const uint SKY_INSTANCE = 0x7fffffffu;  // the ray hit nothing
+const uint NEW_INSTANCE = 0x7ffffffeu;  // not traced yet
+
+// What a ray found.
+struct Hit {
+    uint primitive;  // global triangle slot in leaf order, or one of the marks below
+    float u;         // barycentric weight of vertex 1
+    float v;         // barycentric weight of vertex 2
+    float t;         // distance from the camera in metres; infinity for the sky
+};
+
+const uint HIT_SKY = 0xffffffffu;       // nothing hit
+const uint HIT_OCCLUDED = 0xfffffffeu;  // a cached sample that something hides
+const uint HIT_LOST = 0xfffffffdu;      // a cached sample that its ray no longer finds
+
+// A shaded sample: 16 bytes.
+struct Shaded {
+    uint color_rg;        // two halves: scene-linear red and green
+    uint color_b_offset;  // low half: blue; high half: two bytes, subpixel position x and y in 1/256 of a pixel
+    uint motion;          // two halves: pixels moved since the last frame
+    float depth;          // distance from the camera in metres; infinity for the sky; negative: no sample
+};
+
+// Attributes of a vertex: 32 bytes.
+struct Vertex {
+    uint normal;    // octahedral, 2 x 16-bit snorm
+    uint tangent;   // octahedral, 16-bit snorm x and 15-bit snorm y; bit 31: handedness is negative
+    vec2 uv0;
+    vec2 uv1;
+    uint color_rg;  // 2 x 16-bit unorm, linear
+    uint color_ba;  // 2 x 16-bit unorm, linear
+};
+
+// An instance in a frame. Rows of 3x4 matrices.
+struct Instance {
+    vec4 to_relative[3];  // object to camera-relative world space (world axes, camera at the origin), metres
+    vec4 to_object[3];    // its inverse
+    vec4 previous[3];     // object to the last frame's camera-relative space
+    uint node_base;       // first BLAS node in `nodes`
+    uint triangle_base;   // first triangle slot of the mesh
+    uint flags;           // INSTANCE_* below
+    uint leaf;            // of slot i: the instance that the TLAS's i-th leaf refers to
+};
+
+const uint INSTANCE_FLIPPED = 1u;  // the transform's determinant is negative
+const uint INSTANCE_ALPHA = 2u;    // some material of the mesh has an alpha mask or blend
+
+// A triangle slot's vertices and material.
+struct Triangle {
+    uint vertex0;  // global vertex index
+    uint vertex1;
+    uint vertex2;
+    uint material;
+};
+
+// One texture slot of a material.
+struct TextureSlot {
+    vec4 transform;  // rows: u' = x*u + y*v + offset.x, v' = z*u + w*v + offset.y
+    vec2 offset;
+    uint texel_origin;  // x | y << 16 in the atlas page
+    uint texel_size;    // width | height << 16; 0: no texture
+    uint page;          // layer of the atlas
+    uint flags;         // bits 0..1: wrap u, bits 2..3: wrap v (0 repeat, 1 mirror, 2 clamp), bit 4: nearest, bit 5: second uv set
+    uint padding0;
+    uint padding1;
+};
+
+struct Material {
+    vec4 base_color;
+    vec3 emissive;
+    float metallic;
+    float roughness;
+    float normal_scale;
+    float occlusion_strength;
+    float alpha_cutoff;
+    uint flags;  // MATERIAL_* below
+    uint padding0;
+    uint padding1;
+    uint padding2;
+    TextureSlot base_color_texture;
+    TextureSlot metallic_roughness_texture;
+    TextureSlot normal_texture;
+    TextureSlot occlusion_texture;
+    TextureSlot emissive_texture;
+};
+
+const uint MATERIAL_MASK = 1u;
+const uint MATERIAL_BLEND = 2u;
+const uint MATERIAL_DOUBLE_SIDED = 4u;
+const uint MATERIAL_UNLIT = 8u;
+
+// A punctual light in a frame.
+struct Light {
+    vec3 position;      // camera-relative, metres
+    uint kind;          // LIGHT_* below
+    vec3 direction;     // unit vector along which it shines
+    float inv_range2;   // 1 / range^2; 0: no range
+    vec3 intensity;     // colour times candela or lux
+    float spot_scale;   // 1 / (cos inner - cos outer), guarded
+    float spot_offset;  // -cos outer * spot_scale
+    uint padding0;
+    uint padding1;
+    uint padding2;
+};
+
+const uint LIGHT_POINT = 0u;
+const uint LIGHT_SPOT = 1u;
+const uint LIGHT_DIRECTIONAL = 2u;
+
+// Constants of a frame.
+struct Frame {
+    vec4 right;            // xyz: camera axis in world space; w: tan(yfov/2) * width / height
+    vec4 up;               // xyz; w: tan(yfov/2)
+    vec4 forward;          // xyz; w: angle of a pixel at the centre, radians
+    vec4 previous_right;   // as above, in the last frame
+    vec4 previous_up;
+    vec4 previous_forward;
+    vec4 environment;      // rgb radiance; w: unused
+    uvec2 size;            // pixels
+    uint frame;            // counts from the last reset
+    uint seed;
+    float d_target;        // samples a pixel
+    float d_tolerance;     // samples a pixel
+    uint light_count;
+    uint instance_count;
+    uint flags;            // FRAME_* below
+    uint capacity;         // samples that a cache holds
+    uint occluded_limit;   // occluded samples kept a pixel
+    uint alpha_seed;       // varies the hashed alpha threshold; constant in `stable`
+};
+
+const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut
+const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sampling pattern as it is
+
+#endif
