@@ -16,7 +16,7 @@ pub(super) fn build() -> Scene {
     let white = stage.material(matte("white", Vec4::new(0.73, 0.73, 0.73, 1.0)));
     let red = stage.material(matte("red", Vec4::new(0.63, 0.065, 0.05, 1.0)));
     let green = stage.material(matte("green", Vec4::new(0.14, 0.45, 0.091, 1.0)));
-    let lamp = Material { emissive: Vec3::new(6.0, 5.2, 4.0), ..matte("lamp", Vec4::new(0.78, 0.78, 0.78, 1.0)) };
+    let lamp = Material { emissive: Vec3::new(4.0, 3.5, 2.7), ..matte("lamp", Vec4::new(0.78, 0.78, 0.78, 1.0)) };
     let lamp = stage.material(lamp);
 
     let room = stage.mesh(room([white, red, green, lamp]));
@@ -25,7 +25,7 @@ pub(super) fn build() -> Scene {
     place_block(&mut stage, block, "short block", DVec3::new(0.92, 0.825, 1.10), 1.65, -0.297);
     place_block(&mut stage, block, "tall block", DVec3::new(-0.905, 1.65, -0.71), 3.30, 0.297);
 
-    stage.point_light(DVec3::new(0.0, HEIGHT - 0.5, 0.0), Vec3::new(1.0, 0.9, 0.75), 85.0);
+    stage.point_light(DVec3::new(0.0, HEIGHT - 0.9, 0.0), Vec3::new(1.0, 0.9, 0.75), 30.0);
     stage.camera(DVec3::new(0.0, 2.73, HALF_DEPTH + 8.0), DVec3::new(0.0, 2.73, 0.0), 0.686);
     stage.finish()
 }

@@ -5,6 +5,7 @@
 
 mod bump;
 mod cornell;
+mod font;
 mod hairball;
 mod noise;
 mod random;
@@ -13,6 +14,7 @@ mod spheres;
 mod stage;
 mod strands;
 mod terrain;
+mod text;
 
 pub use strands::strands_coverage;
 
@@ -22,6 +24,7 @@ use crate::{Error, Result};
 /// Names of the built-in scenes, each with one line about it.
 pub const NAMES: &[(&str, &str)] = &[
     ("hairball", "thin curved tubes wound around a ball (?strands=1..20000, 144 triangles each)"),
+    ("text", "a plane with small black text on white paper, in decreasing sizes"),
     ("bump", "a glossy plane under a normal map of fractal noise"),
     ("terrain", "a fractal height field of 175x199 vertices with a finer texture"),
     ("spheres", "metal and plastic balls over a checkered floor, with moving instances (?beads=0..4096)"),
@@ -51,6 +54,7 @@ pub fn load(name: &str, seed: u32) -> Result<Scene> {
         "hairball" => Ok(hairball::build(one(&hairball::STRANDS)?, seed)),
         "spheres" => Ok(spheres::build(one(&spheres::BEADS)?, seed)),
         "strands" => Ok(strands::build(one(&strands::COUNT)?, seed)),
+        "text" => parameters(scene, query, &[]).map(|_| text::build()),
         "bump" => parameters(scene, query, &[]).map(|_| bump::build(seed)),
         "terrain" => parameters(scene, query, &[]).map(|_| terrain::build(seed)),
         "cornell" => parameters(scene, query, &[]).map(|_| cornell::build()),

@@ -1,7 +1,7 @@
 //! Fractal gradient noise in the plane.
 
 use glam::DVec2;
-use std::f64::consts::TAU;
+use std::f64::consts::SQRT_2;
 
 /// Gradient noise (Perlin 1985, 2002) summed over octaves.
 #[derive(Clone, Copy)]
@@ -30,17 +30,24 @@ impl Fractal {
 fn gradient_noise(p: DVec2, period: u32, seed: u32) -> f64 {
     let cell = p.floor();
     let f = p - cell;
-    let corner = |dx: i64, dy: i64| {
-        let wrap = |c: f64, d: i64| (c as i64 + d).rem_euclid(i64::from(period)) as u32;
-        let hash = mix(wrap(cell.x, dx) ^ mix(wrap(cell.y, dy) ^ mix(seed)));
-        let angle = f64::from(hash) / 4_294_967_296.0 * TAU;
-        DVec2::from_angle(angle).dot(f - DVec2::new(dx as f64, dy as f64))
-    };
+    let (x, y) = (cell.x as i64 as u32, cell.y as i64 as u32);
+    let columns = [x, x.wrapping_add(1)].map(|x| x & (period - 1));
+    let rows = [y, y.wrapping_add(1)].map(|y| mix((y & (period - 1)) ^ mix(seed)));
+    let corner = |i: usize, j: usize| slope(mix(columns[i] ^ rows[j]), f - DVec2::new(i as f64, j as f64));
     let fade = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
     let low = corner(0, 0) * (1.0 - fade.x) + corner(1, 0) * fade.x;
     let high = corner(0, 1) * (1.0 - fade.x) + corner(1, 1) * fade.x;
-    // The square root of two brings the range to -1..1.
-    (low * (1.0 - fade.y) + high * fade.y) * 2f64.sqrt()
+    low * (1.0 - fade.y) + high * fade.y
+}
+
+/// `d` along one of eight gradients of length sqrt(2), which brings the noise's range to -1..1.
+fn slope(hash: u32, d: DVec2) -> f64 {
+    let sign = |bit: u32, v: f64| if hash >> bit & 1 == 0 { v } else { -v };
+    match hash >> 30 {
+        0 => sign(0, d.x) * SQRT_2,
+        1 => sign(0, d.y) * SQRT_2,
+        _ => sign(0, d.x) + sign(1, d.y),
+    }
 }
 
 /// A bijection of 32 bits that spreads every bit (Wellons 2018, "lowbias32").

@@ -33,7 +33,7 @@ pub(super) fn build(beads: u32, seed: u32) -> Scene {
     }
     stage.animation(Animation { name: "turn and bounce".to_owned(), channels });
     stage.point_light(DVec3::new(-3.5, 6.0, 4.0), Vec3::new(1.0, 0.95, 0.88), 240.0);
-    stage.camera(DVec3::new(0.0, 3.1, 7.6), DVec3::new(0.0, 0.35, 0.0), 0.62);
+    stage.camera(DVec3::new(0.0, 4.4, 8.8), DVec3::new(0.0, 0.25, 0.0), 0.80);
     stage.finish()
 }
 
@@ -66,11 +66,11 @@ fn ball(stage: &mut Stage, random: &mut Random, row: u32, column: u32) -> usize 
         name: name.clone(),
         base_color: color.extend(1.0),
         metallic: if metal { 1.0 } else { 0.0 },
-        roughness: 0.08 + 0.92 * column as f32 / (COLUMNS - 1) as f32,
+        roughness: 0.06 + 0.94 * column as f32 / (COLUMNS - 1) as f32,
         ..Material::default()
     });
     let mesh = stage.mesh(sphere(&name, RADIUS, 32, 64, material));
-    let position = DVec3::new((f64::from(column) - 2.0) * 1.15, RADIUS, f64::from(row) * 1.3 - 0.65);
+    let position = DVec3::new((f64::from(column) - 2.0) * 1.15, RADIUS, f64::from(row) * 1.8 - 0.9);
     let node = stage.node(&name, None, at(position));
     stage.instance(node, mesh);
     node

@@ -6,6 +6,7 @@ use super::shapes::grid;
 use super::stage::Stage;
 use crate::scene::{Image, Material, Scene, Wrap};
 use glam::{DVec2, DVec3, Vec3};
+use rayon::prelude::*;
 
 const COLUMNS: u32 = 175;
 const ROWS: u32 = 199;
@@ -72,32 +73,33 @@ impl Land {
     }
 
     fn texture(&self) -> Image {
-        let size = DVec2::new(f64::from(COLUMNS - 1), f64::from(ROWS - 1)) * SPACING;
-        let texel = |i: u32| {
-            let uv = DVec2::new(f64::from(i % TEXELS) + 0.5, f64::from(i / TEXELS) + 0.5) / f64::from(TEXELS);
-            let [r, g, b] =
-                self.color((uv - 0.5) * size).to_array().map(|c| (c * 255.0).round().clamp(0.0, 255.0) as u8);
+        let n = TEXELS as usize;
+        let texel = DVec2::new(f64::from(COLUMNS - 1), f64::from(ROWS - 1)) * SPACING / n as f64;
+        let place = |i: usize| (DVec2::new((i % n) as f64, (i / n) as f64) + 0.5 - n as f64 * 0.5) * texel;
+        let heights: Vec<f64> = (0..n * n).into_par_iter().map(|i| self.height(place(i))).collect();
+        let texels = (0..n * n).into_par_iter().map(|i| {
+            let (x, y) = (i % n, i / n);
+            let (left, right) = (x.saturating_sub(3), (x + 3).min(n - 1));
+            let (top, bottom) = (y.saturating_sub(3), (y + 3).min(n - 1));
+            let across = (heights[y * n + right] - heights[y * n + left]) / ((right - left) as f64 * texel.x);
+            let down = (heights[bottom * n + x] - heights[top * n + x]) / ((bottom - top) as f64 * texel.y);
+            let steepness = (across * across + down * down).sqrt();
+            let [r, g, b] = self.color(place(i), heights[i], steepness).to_array().map(|c| (c * 255.0).round() as u8);
             [r, g, b, 255]
-        };
-        Image {
-            name: "land".to_owned(),
-            width: TEXELS,
-            height: TEXELS,
-            texels: (0..TEXELS * TEXELS).map(texel).collect(),
-        }
+        });
+        Image { name: "land".to_owned(), width: TEXELS, height: TEXELS, texels: texels.collect() }
     }
 
     /// sRGB-encoded colour: sand, grass, rock and snow by height and slope, with borders that the noise breaks up.
-    fn color(&self, p: DVec2) -> DVec3 {
+    fn color(&self, p: DVec2, height: f64, steepness: f64) -> DVec3 {
         let grain = self.speckle.at(p * 6.0);
-        let height = self.height(p) + 0.25 * grain;
-        let flat = self.normal(p, SPACING).y + 0.08 * grain;
+        let (height, steepness) = (height + 0.2 * grain, steepness + 0.15 * grain);
         let [sand, grass] = [DVec3::new(0.70, 0.62, 0.45), DVec3::new(0.34, 0.45, 0.20)];
-        let [rock, snow] = [DVec3::new(0.45, 0.41, 0.38), DVec3::new(0.93, 0.95, 0.98)];
-        let low = sand.lerp(grass, ramp(-0.9, -0.5, height));
-        let stony = low.lerp(rock, ramp(0.80, 0.65, flat));
-        let color = stony.lerp(snow, ramp(1.25, 1.55, height) * ramp(0.45, 0.65, flat));
-        color * (1.0 + 0.22 * grain)
+        let [rock, snow] = [DVec3::new(0.45, 0.41, 0.38), DVec3::new(0.90, 0.92, 0.95)];
+        let low = sand.lerp(grass, ramp(-0.7, -0.3, height));
+        let stony = low.lerp(rock, ramp(0.75, 1.1, steepness));
+        let color = stony.lerp(snow, ramp(0.95, 1.25, height) * ramp(1.6, 1.1, steepness));
+        (color * (1.0 + 0.22 * grain)).clamp(DVec3::ZERO, DVec3::ONE)
     }
 }
 
