@@ -63,7 +63,7 @@ pub(super) fn build() -> Scene {
     let mesh = stage.mesh(mesh);
     stage.place("page", mesh);
     stage.point_light(DVec3::new(-1.5, 3.0, 0.5), Vec3::new(1.0, 0.97, 0.92), 18.0);
-    stage.camera(DVec3::new(0.0, 2.3, 2.0), DVec3::new(0.0, 0.0, 0.06), 0.66);
+    stage.camera(DVec3::new(0.0, 2.3, 2.0), DVec3::new(0.0, 0.0, 0.12), 0.74);
     stage.finish()
 }
 
