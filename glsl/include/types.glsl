@@ -67,6 +67,9 @@ struct Instance {
 const uint INSTANCE_FLIPPED = 1u;  // the transform's determinant is negative
 const uint INSTANCE_ALPHA = 2u;    // some material of the mesh has an alpha mask or blend
 
+const uint TRAVERSAL_STACK = 32u;        // entries of a ray's stack; accel/ refuses or rebuilds what would need more
+const uint TRAVERSAL_STEPS = 1048576u;   // nodes that a ray visits at most: an end, whatever the data
+
 // A triangle slot's vertices and material.
 struct Triangle {
     uint vertex0;  // global vertex index
