@@ -10,6 +10,7 @@
 
 mod balanced;
 mod bvh;
+mod cluster;
 mod encode;
 mod nodes;
 mod place;
