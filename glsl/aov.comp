@@ -26,8 +26,6 @@ layout(set = 0, binding = 8, std430) readonly buffer Plan { uint data[]; } plan;
 layout(set = 0, binding = 9, std430) readonly buffer Ages { uint data[]; } ages;
 #endif
 
-const float INFINITY = uintBitsToFloat(0x7f800000u);
-
 vec4 density_of(uint index, uint count) {
 #ifdef STABLE
     uint decided = plan.data[index];
@@ -46,7 +44,7 @@ void main() {
     uint index = pixel_index(uvec2(pixel), frame.data.size);
     uint first = offsets.data[index];
     uint end = offsets.data[index + 1u];
-    float nearest = INFINITY;
+    float nearest = uintBitsToFloat(INFINITY_BITS);
     vec2 longest = vec2(0.0);
     uint oldest = 0u;
     for (uint slot = first; slot < end; ++slot) {

@@ -4,6 +4,8 @@
 #ifndef STILLRAY_TYPES
 #define STILLRAY_TYPES
 
+const uint INFINITY_BITS = 0x7f800000u;  // of a float
+
 // A cached sample: 16 bytes (paper 1, section 5).
 struct Sample {
     vec3 position;  // object space, metres; for SKY_INSTANCE a unit direction in world space; for NEW_INSTANCE (x, y, 0) in pixels

@@ -3,7 +3,7 @@
 use crate::gpu::pass::{self, Barrier, Pass, Work};
 use crate::gpu::{Range, Resource};
 use crate::phase::{self, FrameResources, Kit, SceneResources};
-use crate::renderer::{Method, Settings};
+use crate::settings::{Method, Settings};
 use crate::shaders::Access;
 use crate::Result;
 

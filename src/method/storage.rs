@@ -16,7 +16,7 @@
 //! So `found`, `lit` and `shaded` live where the claims were, and the film where `found` and `lit` were (but for
 //! `reference`, whose film is carried from frame to frame).
 
-use crate::renderer::{Aov, Method, Settings};
+use crate::settings::{Aov, Method, Settings};
 use crate::shaders::{Found, Sample, Shaded};
 
 /// Sizes in bytes of everything that belongs to a renderer.
