@@ -34,7 +34,6 @@ pub struct Place {
 
 /// Layers of 2048 texels a side hold most scenes' images with little waste; larger ones only for larger images.
 const USUAL_SIDE: u32 = 2048;
-/// Layers that a device is sure to have (Vulkan's least `maxImageArrayLayers`) stay with texture pages of this side.
 const ADVICE: &str = "scale the scene's images down";
 
 impl Atlas {
