@@ -10,7 +10,7 @@
 
 mod balanced;
 mod bvh;
-mod encode;
+pub(crate) mod encode;
 mod nodes;
 mod place;
 mod tlas;
