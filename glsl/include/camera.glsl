@@ -20,10 +20,14 @@ uint pixel_index(uvec2 pixel, uvec2 size) {
     return tile.y * 8u * size.x + tile.x * 8u * extent.y + inside.y * extent.x + inside.x;
 }
 
+// Threads of a workgroup over the dense list of samples, by which `scan` divides. Not gl_WorkGroupSize: in a file that is
+// included before the layout of the shader it is 1, without a warning.
+const uint DENSE_GROUP = 64u;
+
 // Index in the dense list of samples: its dispatches are two-dimensional, since one dimension can be short of groups.
 uint dense_index() {
     uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    return group * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    return group * DENSE_GROUP + gl_LocalInvocationIndex;
 }
 
 // `precise` throughout: several kernels project the same point and must agree to the bit.
