@@ -6,7 +6,7 @@ use std::sync::Arc;
 use stillray::gpu::pass::{Binder, Resource, Threads, barriers};
 use stillray::gpu::submit::Submitter;
 use stillray::gpu::{Buffer, Context, Image, Pipeline, Recorder};
-use stillray::shaders::Shader;
+use stillray::shaders::{Access, Shader};
 
 /// Bytes behind every buffer that a shader may write, and what they hold: a write past the end is noticed.
 const GUARD: [u8; 64] = [0xa5; 64];
@@ -70,11 +70,12 @@ impl Kernel {
             let (Bound::Data(bytes), Some(buffer)) = (b, buffer) else { continue };
             let binding = &self.pipeline.shader.bindings[i];
             let back = buffer.download(context).unwrap();
-            assert_eq!(back[bytes.len()..], GUARD, "{label}.{}: written behind its end", binding.name);
-            if binding.access == stillray::shaders::Access::Read {
-                assert_eq!(back[..bytes.len()], bytes[..], "{label}.{}: changed", binding.name);
+            let (content, guard) = back.split_at(bytes.len());
+            assert_eq!(guard, GUARD, "{label}.{}: written behind its end", binding.name);
+            if binding.access == Access::Read {
+                assert_eq!(content, bytes, "{label}.{}: changed", binding.name);
             }
-            bytes.copy_from_slice(&back[..bytes.len()]);
+            bytes.copy_from_slice(content);
         }
     }
 

@@ -3,6 +3,7 @@
 
 pub mod kernel;
 pub mod random;
+pub mod view;
 
 use stillray::gpu::{Context, ContextOptions};
 
