@@ -1,6 +1,8 @@
 //! Damaged and hostile glTF files end in an error or in a scene, never in a panic, and never take the machine's memory:
 //! real files and one that uses everything, mutated by the thousand, from fixed seeds.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
 #[path = "support/gltf.rs"]
 mod gltf;
 
@@ -328,9 +330,9 @@ fn mutate(original: &Original, random: &mut Random) -> Vec<u8> {
         2 if original.binary.is_some() => {
             let mut binary = original.binary.clone().unwrap_or_default();
             if random.below(2) == 0 {
-                poison(&mut binary, random)
+                poison(&mut binary, random);
             } else {
-                damage(&mut binary, random)
+                damage(&mut binary, random);
             }
             original.assemble(json, Some(binary))
         }
@@ -348,6 +350,8 @@ fn try_out(bytes: &[u8], path: &Path) -> bool {
     let bounds = scene.bounds(&scene.pose(0.0));
     assert!(bounds.is_some_and(|(low, high)| low.is_finite() && high.is_finite()), "bounds {bounds:?}");
     assert_eq!(pose.instances.len(), scene.instances.len());
+    assert!(pose.instances.iter().all(|m| m.is_finite()) && pose.cameras.iter().all(|c| c.rotation.is_finite()));
+    assert!(pose.lights.iter().all(|l| l.position.is_finite() && l.direction.is_finite()));
     for mesh in &scene.meshes {
         let count = mesh.positions.len();
         assert!(mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < count));
