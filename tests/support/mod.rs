@@ -2,6 +2,7 @@
 #![allow(dead_code)] // each test binary uses a part of it
 
 pub mod kernel;
+pub mod masks;
 pub mod random;
 pub mod view;
 
