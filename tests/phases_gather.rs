@@ -1,4 +1,6 @@
 //! The prefix sum and the dense list agree with their CPU twins exactly, also where the cache is too small for all.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
 mod support;
 
 use bytemuck::{Zeroable, bytes_of, cast_slice};

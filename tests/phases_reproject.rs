@@ -1,5 +1,7 @@
 //! Reprojection agrees with its CPU twin exactly, wherever rounding cannot put a sample on another subpixel, and its
 //! outcome is that of the paper's Algorithm 1 without the race.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
 mod support;
 
 use bytemuck::Zeroable;
