@@ -64,7 +64,7 @@ impl Inputs {
             let drawn: Vec<Kind> = kinds.iter().copied().filter(|_| random.chance(0.5)).collect();
             let drawn = if drawn.is_empty() { kinds.to_vec() } else { drawn };
             let count = random.below(most + 1);
-            all.extend((0..count).map(|_| random.pick(&drawn)).collect::<Vec<_>>().into_iter());
+            all.extend((0..count).map(|_| random.pick(&drawn)));
             offsets.push(all.len() as u32);
         }
         let scale = random.between(-10.0, 20.0).exp2();
