@@ -6,7 +6,7 @@
 #ifndef STILLRAY_CAMERA
 #define STILLRAY_CAMERA
 
-#include "types.glsl"
+#include "ray.glsl"
 
 // Subpixels of a pixel across and down (M in paper 1). Bit i of a mask is subpixel (i % 4, i / 4).
 const uint M = 4u;
@@ -20,11 +20,11 @@ uint pixel_index(uvec2 pixel, uvec2 size) {
     return tile.y * 8u * size.x + tile.x * 8u * extent.y + inside.y * extent.x + inside.x;
 }
 
-// Threads of a workgroup over the dense list of samples, by which `scan` divides. Not gl_WorkGroupSize: in a file that is
-// included before the layout of the shader it is 1, without a warning.
+// Threads of a workgroup of every dispatch over the dense list. (gl_WorkGroupSize would be 1 here: glslang takes its value
+// where it is read, and a shader's local size is declared after its includes.)
 const uint DENSE_GROUP = 64u;
 
-// Index in the dense list of samples: its dispatches are two-dimensional, since one dimension can be short of groups.
+// Index in the dense list of samples. Its dispatches are two-dimensional, since one dimension can be short of groups.
 uint dense_index() {
     uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
     return group * DENSE_GROUP + gl_LocalInvocationIndex;
@@ -34,13 +34,6 @@ uint dense_index() {
 float dot_precise(vec3 a, vec3 b) {
     precise float sum = a.x * b.x + a.y * b.y + a.z * b.z;
     return sum;
-}
-
-vec3 transform_point(vec4 row0, vec4 row1, vec4 row2, vec3 p) {
-    precise float x = row0.x * p.x + row0.y * p.y + row0.z * p.z + row0.w;
-    precise float y = row1.x * p.x + row1.y * p.y + row1.z * p.z + row1.w;
-    precise float z = row2.x * p.x + row2.y * p.y + row2.z * p.z + row2.w;
-    return vec3(x, y, z);
 }
 
 // Projects a camera-relative point (or a direction, for the sky). False outside the frustum. The comparison precedes the
