@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use gltf::{File, push};
+use glam::DAffine3;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use stillray::scene::{import, requirements};
@@ -350,7 +351,7 @@ fn try_out(bytes: &[u8], path: &Path) -> bool {
     let bounds = scene.bounds(&scene.pose(0.0));
     assert!(bounds.is_some_and(|(low, high)| low.is_finite() && high.is_finite()), "bounds {bounds:?}");
     assert_eq!(pose.instances.len(), scene.instances.len());
-    assert!(pose.instances.iter().all(|m| m.is_finite()) && pose.cameras.iter().all(|c| c.rotation.is_finite()));
+    assert!(pose.instances.iter().all(DAffine3::is_finite) && pose.cameras.iter().all(|c| c.rotation.is_finite()));
     assert!(pose.lights.iter().all(|l| l.position.is_finite() && l.direction.is_finite()));
     for mesh in &scene.meshes {
         let count = mesh.positions.len();
