@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use gltf::{File, push};
 use glam::DAffine3;
+use gltf::{File, push};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use stillray::scene::{import, requirements};
