@@ -7,6 +7,8 @@ pub mod masks;
 pub mod random;
 pub mod view;
 
+pub mod rig;
+
 use stillray::gpu::{Context, ContextOptions};
 
 /// A device with validation and synchronisation validation on. The tests run on whatever device is best here; without
