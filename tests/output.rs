@@ -1,5 +1,7 @@
 //! Pictures come back from their files as they went in, and the files are what other programs expect.
 
+#![allow(clippy::unwrap_used, reason = "a panic in a test's helper is a failing test")]
+
 use std::fs;
 use std::path::Path;
 

@@ -42,6 +42,20 @@ pub fn spool_beside(path: &Path) -> Result<File> {
     tempfile::tempfile_in(folder(path)).map_err(|cause| Error::Io { path: path.to_owned(), cause })
 }
 
+/// Tells before the work whether `path` will be writable after it. Nothing is left of the attempt.
+///
+/// # Errors
+/// [`Error::Io`] with `path` if it is a folder or its folder cannot be written to.
+pub fn check_target(path: &Path) -> Result<()> {
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => {
+            Err(Error::Io { path: path.to_owned(), cause: io::ErrorKind::IsADirectory.into() })
+        }
+        Ok(found) if !found.is_file() => Ok(()),
+        _ => spool_beside(path).map(drop),
+    }
+}
+
 /// For targets that cannot seek, the content is completed in memory first.
 fn write_through(path: &Path, write: impl FnOnce(&mut dyn WriteSeek) -> Result<()>) -> Result<()> {
     let mut memory = io::Cursor::new(Vec::new());
@@ -102,6 +116,15 @@ mod tests {
     fn a_missing_folder_is_an_error_that_names_the_file() {
         let failed = write_whole(Path::new("/nowhere at all/a.txt"), put(b"x")).unwrap_err().to_string();
         assert!(failed.starts_with("/nowhere at all/a.txt: "), "{failed}");
+    }
+
+    #[test]
+    fn targets_are_checked_without_a_trace() {
+        let dir = tempfile::tempdir().unwrap();
+        check_target(&dir.path().join("a.json")).unwrap();
+        assert!(check_target(dir.path()).is_err());
+        assert!(check_target(&dir.path().join("b/a.json")).is_err());
+        assert!(names(dir.path()).is_empty());
     }
 
     #[cfg(unix)]

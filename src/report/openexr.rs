@@ -91,9 +91,11 @@ impl Exr {
 
     fn image(&self) -> format::FlatImage {
         let channels = self.channels.iter().map(|c| format::AnyChannel::new(c.name.as_str(), c.samples())).collect();
-        let mut attributes = format::LayerAttributes::default();
-        attributes.software_name = Some(concat!("stillray ", env!("CARGO_PKG_VERSION")).into());
-        attributes.frames_per_second = self.fps.map(rational);
+        let attributes = format::LayerAttributes {
+            software_name: Some(concat!("stillray ", env!("CARGO_PKG_VERSION")).into()),
+            frames_per_second: self.fps.map(rational),
+            ..Default::default()
+        };
         let encoding = format::Encoding {
             compression: format::Compression::ZIP16,
             blocks: format::Blocks::ScanLines,

@@ -1,0 +1,96 @@
+//! From the words on the command line to a scene that is looked at.
+
+use std::ffi::OsStr;
+use std::path::Path;
+
+use stillray::scene::{Pose, Scene, View};
+use stillray::{Error, Result};
+
+use super::arguments::Source;
+use super::{Outcome, console};
+
+/// A scene with a camera in it that moves.
+pub struct Stage {
+    /// What is rendered.
+    pub scene: Scene,
+    /// The scene as the user named it.
+    pub name: String,
+    camera: usize,
+    motion: Motion,
+}
+
+impl Stage {
+    /// Loads the scene and finds the camera. What the scene has to be told about is said.
+    pub fn load(source: &Source, motion: Motion) -> Outcome<Self> {
+        let scene = load(&source.scene, source.seed)?;
+        console::notes(&scene.notices);
+        let camera = find_camera(&scene, source.camera.as_deref())?;
+        Ok(Self { name: source.scene.to_string_lossy().into_owned(), camera, motion, scene })
+    }
+
+    /// Where everything is and where it is seen from after `seconds`.
+    pub fn at(&self, seconds: f64) -> (Pose, View) {
+        todo!("{seconds} {:?}", self.motion)
+    }
+
+    /// Name of the camera.
+    pub fn camera(&self) -> &str {
+        &self.scene.cameras[self.camera].name
+    }
+
+    /// Name of the motion.
+    pub fn motion(&self) -> &'static str {
+        todo!()
+    }
+}
+
+/// Loads a file or a built-in scene.
+pub fn load(spec: &OsStr, seed: u32) -> Result<Scene> {
+    match spec.to_str().and_then(|s| s.strip_prefix("builtin:")) {
+        Some(name) => builtin_load(name, seed),
+        None => import_load(Path::new(spec)),
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+pub enum Motion {
+    Static,
+}
+
+fn builtin_load(name: &str, _seed: u32) -> Result<Scene> {
+    Err(Error::Setting { name: "builtin", value: name.to_owned(), expected: "one of the built-in scenes".into() })
+}
+
+fn import_load(path: &Path) -> Result<Scene> {
+    std::fs::read(path).map_err(|cause| Error::Io { path: path.to_owned(), cause })?;
+    Ok(Scene::default())
+}
+
+/// By name, or else by number, or else the first.
+fn find_camera(scene: &Scene, wanted: Option<&str>) -> Result<usize> {
+    let Some(wanted) = wanted else { return Ok(0) };
+    let named = scene.cameras.iter().position(|c| c.name == wanted);
+    let numbered = || wanted.parse().ok().filter(|&i: &usize| i < scene.cameras.len());
+    named.or_else(numbered).ok_or_else(|| {
+        let names: Vec<String> = scene.cameras.iter().map(|c| format!("'{}'", c.name)).collect();
+        let expected = format!("the scene has the cameras {}", names.join(", "));
+        Error::Setting { name: "--camera", value: wanted.to_owned(), expected }
+    })
+}
+
+impl Motion {
+    /// Reads a motion's name.
+    pub fn parser() -> impl clap::builder::TypedValueParser<Value = Motion> {
+        super::arguments::named(&[("static", Motion::Static), ("rotate", Motion::Static)])
+    }
+}
+
+/// The built-in scenes, one a line.
+pub fn list() -> String {
+    String::new()
+}
+
+/// What the scene needs modelled, and why.
+pub fn requirements(_scene: &Scene) -> String {
+    String::new()
+}
