@@ -1,6 +1,7 @@
 //! Temporally stable ray tracing on plain Vulkan compute.
 pub mod accel;
 pub mod error;
+pub mod gpu;
 pub mod headless;
 pub mod oracle;
 pub mod progress;

@@ -13,7 +13,17 @@ struct Sample {
 const uint OCCLUDED_BIT = 0x80000000u;
 const uint INSTANCE_MASK = 0x7fffffffu;
 const uint SKY_INSTANCE = 0x7fffffffu;  // the ray hit nothing
-const uint NEW_INSTANCE = 0x7ffffffeu;  // not traced yet
+const uint NEW_INSTANCE = 0x7ffffffeu;  // not traced yet; after verification: lost, to be forgotten
+
+// What a camera ray found for a sample of the cache.
+struct Found {
+    uint instance;   // instance hit, or SKY_INSTANCE; bit 31: a cached sample is hidden by what was hit
+    uint primitive;  // global triangle slot; FOUND_LOST: a cached sample that its ray no longer finds
+    float u;         // barycentric weight of vertex 1
+    float v;         // barycentric weight of vertex 2
+};
+
+const uint FOUND_LOST = 0xfffffffdu;
 
 // What a ray found.
 struct Hit {
@@ -24,8 +34,6 @@ struct Hit {
 };
 
 const uint HIT_SKY = 0xffffffffu;       // nothing hit
-const uint HIT_OCCLUDED = 0xfffffffeu;  // a cached sample that something hides
-const uint HIT_LOST = 0xfffffffdu;      // a cached sample that its ray no longer finds
 
 // A shaded sample: 16 bytes.
 struct Shaded {
@@ -121,6 +129,26 @@ const uint LIGHT_POINT = 0u;
 const uint LIGHT_SPOT = 1u;
 const uint LIGHT_DIRECTIONAL = 2u;
 
+// Counts of a frame, and the arguments of its indirect dispatches.
+struct Counters {
+    uint trace_x;     // workgroups over the dense list of samples, for vkCmdDispatchIndirect
+    uint trace_y;
+    uint trace_z;
+    uint samples;     // length of the dense list
+    uint thin;        // 2^32 times the part of the samples that fits the cache, 0 if all do
+    uint reused;      // samples that were reprojected and kept
+    uint added;
+    uint evicted;     // by the analysis
+    uint occluded;    // kept samples found hidden
+    uint lost;        // kept samples that their ray did not find
+    uint replaced;    // occluded samples that took their occluder's hit
+    uint shadow_rays;
+    uint histogram[17];  // pixels with 0, 1, ... 16 reprojected unoccluded samples
+    uint padding0;
+    uint padding1;
+    uint padding2;
+};
+
 // Constants of a frame.
 struct Frame {
     vec4 right;            // xyz: camera axis in world space; w: tan(yfov/2) * width / height
@@ -141,6 +169,10 @@ struct Frame {
     uint capacity;         // samples that a cache holds
     uint occluded_limit;   // occluded samples kept a pixel
     uint alpha_seed;       // varies the hashed alpha threshold; constant in `stable`
+    uint spp;              // `supersample`, `reference`: samples a pixel
+    uint jitter;           // `supersample`, `reference`: varies the sample positions
+    uint padding0;
+    uint padding1;
 };
 
 const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut

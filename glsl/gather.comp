@@ -1,0 +1,83 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Builds the dense ray list: the samples that each pixel keeps, and its new ones, in pixel order. Every entry is a ray
+// to trace. A workgroup is a tile; its first entry comes from the prefix sum over tiles.
+//
+// variant age: AGE
+#include "camera.glsl"
+#include "analysis.glsl"
+#include "thin.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
+layout(set = 0, binding = 1, std430) readonly buffer Claims { uint data[]; } claims;
+layout(set = 0, binding = 2, std430) readonly buffer Masks { uint data[]; } masks;
+layout(set = 0, binding = 3, std430) readonly buffer Plan { uint data[]; } plan;
+layout(set = 0, binding = 4, std430) readonly buffer Tiles { uint data[]; } tiles;
+layout(set = 0, binding = 5, std430) readonly buffer CountersBlock { Counters data; } counters;
+layout(set = 0, binding = 6, std430) readonly buffer Previous { Sample data[]; } previous;
+layout(set = 0, binding = 7, std430) writeonly buffer Samples { Sample data[]; } samples;
+layout(set = 0, binding = 8, std430) writeonly buffer Offsets { uint data[]; } offsets;
+#ifdef AGE
+layout(set = 0, binding = 9, std430) readonly buffer PreviousAges { uint data[]; } previous_ages;
+layout(set = 0, binding = 10, std430) writeonly buffer Ages { uint data[]; } ages;
+#endif
+
+shared uint sums[64];
+
+// Samples before this thread's in the tile.
+uint exclusive_sum(uint thread, uint count) {
+    sums[thread] = count;
+    barrier();
+    for (uint step = 1u; step < 64u; step <<= 1) {
+        uint before = thread >= step ? sums[thread - step] : 0u;
+        barrier();
+        sums[thread] += before;
+        barrier();
+    }
+    return sums[thread] - count;
+}
+
+void write(uint slot, uvec2 pixel, uint index, uint subpixel, bool added) {
+    if (added) {
+        uint h = pixel_hash(pixel, frame.data.frame, ~frame.data.seed);
+        samples.data[slot] = Sample(vec3(new_position(pixel, subpixel, h), 0.0), NEW_INSTANCE);
+    } else {
+        samples.data[slot] = previous.data[claims.data[index * (M * M) + subpixel] & INSTANCE_MASK];
+    }
+#ifdef AGE
+    uint age = added ? 0u : previous_ages.data[claims.data[index * (M * M) + subpixel] & INSTANCE_MASK];
+    ages.data[slot] = added ? 0u : min(age, 0xfffffffeu) + 1u;
+#endif
+}
+
+void main() {
+    uvec2 pixel = gl_GlobalInvocationID.xy;
+    bool inside = all(lessThan(pixel, frame.data.size));
+    uint index = inside ? pixel_index(pixel, frame.data.size) : 0u;
+    uint decided = inside ? plan.data[index] : 0u;
+    uint kept = decided & 0xffffu;
+    uint visible = kept & (inside ? masks.data[index] >> 16 : 0u);
+    uint count = uint(bitCount(decided));
+    uint first = exclusive_sum(gl_LocalInvocationIndex, count);
+    if (!inside) {
+        return;
+    }
+    first += tiles.data[gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x];
+    uint slot = thinned(first, counters.data.thin);
+    uint end = thinned(first + count, counters.data.thin);
+    offsets.data[index] = slot;
+    if (index + 1u == frame.data.size.x * frame.data.size.y) {
+        offsets.data[index + 1u] = end;
+    }
+    // Unoccluded first, then new, then occluded: what is thinned out is what matters least.
+    uint urgent = visible | (decided & 0xffff0000u);
+    uint rest = kept & ~visible;
+    for (; slot < end; ++slot) {
+        bool last = urgent == 0u;
+        uint bit = uint(findLSB(last ? rest : urgent));
+        urgent &= urgent - uint(!last);
+        rest &= rest - uint(last);
+        write(slot, pixel, index, bit & 15u, bit >= 16u);
+    }
+}

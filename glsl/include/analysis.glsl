@@ -1,0 +1,122 @@
+// Density analysis on bitmasks (paper 1, section 4.2). Twin: src/oracle/analyze.rs, exact. No bindings.
+//
+// A mask word holds the occupancy of a pixel's 16 subpixels in its low half and, of those, the unoccluded ones in its
+// high half. The occlusion mask of the paper is the one without the other.
+
+#ifndef STILLRAY_ANALYSIS
+#define STILLRAY_ANALYSIS
+
+#include "random.glsl"
+
+// Unoccluded samples in the 2 x 2 pixels centred on a pixel: all of its own, and the facing halves and quarters of its
+// neighbours. `near[i]` is the mask word of neighbour (i % 3 - 1, i / 3 - 1); off the frame it is 0.
+uint window_count(uint near[9]) {
+    const uint facing[9] = uint[9](0xcc00u, 0xff00u, 0x3300u, 0xccccu, 0xffffu, 0x3333u, 0x00ccu, 0x00ffu, 0x0033u);
+    uint count = 0u;
+    for (int i = 0; i < 9; ++i) {
+        count += uint(bitCount((near[i] >> 16) & facing[i]));
+    }
+    return count;
+}
+
+// Area of that window in quarter pixels, clipped to the frame.
+uint window_quarters(uvec2 pixel, uvec2 size) {
+    uint across = 2u + uint(pixel.x > 0u) + uint(pixel.x + 1u < size.x);
+    uint down = 2u + uint(pixel.y > 0u) + uint(pixel.y + 1u < size.y);
+    return across * down;
+}
+
+// 4 x 4 ordered dither (Bayer 1973), a number in 0..15; every 2 x 2 block holds one of each quarter of the range.
+uint bayer(uvec2 pixel) {
+    uvec2 p = pixel & 3u;
+    uint q = p.x ^ p.y;
+    return ((q & 1u) << 3) | ((p.y & 1u) << 2) | ((q & 2u)) | ((p.y & 2u) >> 1);
+}
+
+// Equation 1: samples to add (positive) or to evict (negative). The paper rounds up. Every pixel of a sparse region does
+// so, which overshoots: with d_target = 0.5 an empty region would fill to 1, empty, fill, and so on. The fraction is
+// therefore dithered over pixels: right on average, the same for whole numbers, and it settles.
+int sample_demand(uint count, uint quarters, float d_target, float d_tolerance, uvec2 pixel) {
+    precise float density = float(count) * 4.0 / float(quarters);
+    precise float lack = d_target - density;
+    if (!(abs(lack) >= d_tolerance)) {
+        return 0;
+    }
+    precise float threshold = (float(bayer(pixel)) + 0.5) / 16.0;
+    precise float rounded = floor(abs(lack) + threshold);
+    int n = int(min(rounded, 16.0));
+    return lack < 0.0 ? -n : n;
+}
+
+// The subpixels of stratum s in 0..3, a quarter of the pixel.
+uint stratum_mask(uint s) {
+    return 0x0033u << (2u * (s & 1u) + 8u * (s >> 1));
+}
+
+// The stratum with the most (or the fewest) samples; ties go to the first in an order that `turn` rotates.
+uint extreme_stratum(uint mask, uint turn, bool most) {
+    uint best = 0u;
+    int best_count = most ? -1 : 17;
+    for (uint i = 0u; i < 4u; ++i) {
+        uint s = (i + turn) & 3u;
+        int count = bitCount(mask & stratum_mask(s));
+        if (most ? count > best_count : count < best_count) {
+            best = s;
+            best_count = count;
+        }
+    }
+    return best;
+}
+
+// One set bit of a mask that is not empty, chosen by a hash.
+uint choose_bit(uint mask, uint h) {
+    uint skip = h % uint(bitCount(mask));
+    for (uint i = 0u; i < skip; ++i) {
+        mask &= mask - 1u;
+    }
+    return mask & (~mask + 1u);
+}
+
+// What becomes of a pixel: kept subpixels in the low half, new ones in the high half.
+uint plan_pixel(uint word, int demand, uint occluded_limit, uint h) {
+    uint visible = word >> 16;
+    uint occluded = (word & 0xffffu) & ~visible;
+    uint added = 0u;
+    for (int i = demand; i < 0 && visible != 0u; ++i) {
+        h = hash_uint(h);
+        uint s = extreme_stratum(visible, h & 3u, true);
+        visible &= ~choose_bit(visible & stratum_mask(s), h >> 2);
+    }
+    for (int i = 0; i < demand; ++i) {
+        h = hash_uint(h);
+        uint taken = visible | added;
+        uint stratum = stratum_mask(extreme_stratum(taken, h & 3u, false)) & ~taken;
+        if (stratum == 0u) {
+            break;  // the emptiest stratum is full: so are all
+        }
+        uint vacant = stratum & ~occluded;
+        added |= choose_bit(vacant != 0u ? vacant : stratum, h >> 2);
+        occluded &= ~added;
+    }
+    while (uint(bitCount(occluded)) > occluded_limit) {
+        h = hash_uint(h);
+        occluded &= ~choose_bit(occluded, h >> 2);
+    }
+    return visible | occluded | (added << 16);
+}
+
+// Where a new sample lies: anywhere in its subpixel but for a margin of an eighth, which is wider than the error of
+// reprojecting it, so that it is found in the same subpixel again when nothing moves.
+vec2 new_position(uvec2 pixel, uint subpixel, uint h) {
+    uint hx = hash_combine(h, subpixel);
+    uint hy = hash_uint(hx);
+    precise vec2 inside = 0.125 + 0.75 * vec2(unit_float(hx), unit_float(hy));
+    precise vec2 position = vec2(pixel) + (vec2(subpixel & 3u, subpixel >> 2) + inside) * 0.25;
+    return position;
+}
+
+uint pixel_hash(uvec2 pixel, uint frame, uint seed) {
+    return hash_combine(hash_combine(hash_combine(seed, frame), pixel.x), pixel.y);
+}
+
+#endif

@@ -1,0 +1,77 @@
+// Pixels, subpixels and the pinhole camera. Twin: src/oracle/camera.rs. No bindings.
+//
+// Positions are camera-relative in world axes; pixel coordinates have x to the right and y down, (0, 0) at the corner of
+// the frame and (0.5, 0.5) in the middle of its first pixel.
+
+#ifndef STILLRAY_CAMERA
+#define STILLRAY_CAMERA
+
+#include "types.glsl"
+
+// Subpixels of a pixel across and down (M in paper 1). Bit i of a mask is subpixel (i % 4, i / 4).
+const uint M = 4u;
+
+// Pixels are numbered tile by tile (8 x 8, the last ones smaller), so that lists in pixel order are coherent. There are
+// no gaps: every index below width * height is one pixel.
+uint pixel_index(uvec2 pixel, uvec2 size) {
+    uvec2 tile = pixel / 8u;
+    uvec2 inside = pixel % 8u;
+    uvec2 extent = min(uvec2(8u), size - tile * 8u);
+    return tile.y * 8u * size.x + tile.x * 8u * extent.y + inside.y * extent.x + inside.x;
+}
+
+// Index in the dense list of samples: its dispatches are two-dimensional, since one dimension can be short of groups.
+uint dense_index() {
+    uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    return group * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+}
+
+// `precise` throughout: several kernels project the same point and must agree to the bit.
+float dot_precise(vec3 a, vec3 b) {
+    precise float sum = a.x * b.x + a.y * b.y + a.z * b.z;
+    return sum;
+}
+
+vec3 transform_point(vec4 row0, vec4 row1, vec4 row2, vec3 p) {
+    precise float x = row0.x * p.x + row0.y * p.y + row0.z * p.z + row0.w;
+    precise float y = row1.x * p.x + row1.y * p.y + row1.z * p.z + row1.w;
+    precise float z = row2.x * p.x + row2.y * p.y + row2.z * p.z + row2.w;
+    return vec3(x, y, z);
+}
+
+// Projects a camera-relative point (or a direction, for the sky). False outside the frustum. The comparison precedes the
+// division, so that nothing is ever divided by zero: |x| < z tan implies z tan > 0.
+bool project(vec4 right, vec4 up, vec3 forward, uvec2 size, vec3 relative, out vec2 pixel) {
+    float x = dot_precise(right.xyz, relative);
+    float y = dot_precise(up.xyz, relative);
+    float z = dot_precise(forward, relative);
+    precise float half_width = z * right.w;
+    precise float half_height = z * up.w;
+    pixel = vec2(0.0);
+    if (!(abs(x) < half_width && abs(y) < half_height)) {
+        return false;
+    }
+    precise float px = (x / half_width * 0.5 + 0.5) * float(size.x);
+    precise float py = (0.5 - y / half_height * 0.5) * float(size.y);
+    pixel = vec2(px, py);
+    return true;
+}
+
+// Direction through a point of the frame, of length 1 along the viewing direction.
+vec3 camera_direction(Frame frame, vec2 pixel) {
+    vec2 ndc = pixel / vec2(frame.size) * 2.0 - 1.0;
+    return frame.forward.xyz + frame.right.xyz * (ndc.x * frame.right.w) - frame.up.xyz * (ndc.y * frame.up.w);
+}
+
+// The pixel that a projected point lies in. Rounding can put a point just inside the frustum on the frame's far edge.
+uvec2 pixel_of(vec2 pixel, uvec2 size) {
+    return min(uvec2(pixel), size - 1u);
+}
+
+// The subpixel of that pixel, as a bit index.
+uint subpixel_of(vec2 pixel, uvec2 owner) {
+    uvec2 sub = min(uvec2((pixel - vec2(owner)) * float(M)), uvec2(M - 1u));
+    return sub.y * M + sub.x;
+}
+
+#endif

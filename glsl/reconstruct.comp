@@ -1,0 +1,52 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Paper 1, section 4.4: a 3 x 3 pixel truncated Gaussian over the shaded samples around each pixel.
+// Writes weighted sums (rgb) and the sum of weights (a), in row order; `resolve` divides.
+//
+// variant accumulate: ACCUMULATE
+#include "camera.glsl"
+#include "filter.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
+layout(set = 0, binding = 1, std430) readonly buffer Offsets { uint data[]; } offsets;
+layout(set = 0, binding = 2, std430) readonly buffer ShadedBlock { Shaded data[]; } shaded;
+#ifdef ACCUMULATE
+layout(set = 0, binding = 3, std430) buffer Film { vec4 data[]; } film;
+#else
+layout(set = 0, binding = 3, std430) writeonly buffer Film { vec4 data[]; } film;
+#endif
+
+// The block of pixels up to `radius` around, with the Gaussian as wide as the block.
+vec4 gather_block(ivec2 pixel, int radius) {
+    ivec2 low = max(pixel - radius, ivec2(0));
+    ivec2 high = min(pixel + radius, ivec2(frame.data.size) - 1);
+    vec4 sum = vec4(0.0);
+    for (int y = low.y; y <= high.y; ++y) {
+        for (int x = low.x; x <= high.x; ++x) {
+            uint index = pixel_index(uvec2(x, y), frame.data.size);
+            uint end = offsets.data[index + 1u];
+            for (uint slot = offsets.data[index]; slot < end; ++slot) {
+                sum += weighted_sample(shaded.data[slot], vec2(ivec2(x, y) - pixel), radius);
+            }
+        }
+    }
+    return sum;
+}
+
+void main() {
+    uvec2 pixel = gl_GlobalInvocationID.xy;
+    if (any(greaterThanEqual(pixel, frame.data.size))) {
+        return;
+    }
+    vec4 sum = vec4(0.0);
+    // Densities below 1/9 leave blocks empty: the filter widens until it finds a sample.
+    for (int radius = 1; radius <= WIDEST_RADIUS && sum.a == 0.0; ++radius) {
+        sum = gather_block(ivec2(pixel), radius);
+    }
+    uint row_index = pixel.y * frame.data.size.x + pixel.x;
+#ifdef ACCUMULATE
+    sum += (frame.data.flags & FRAME_RESET) != 0u ? vec4(0.0) : film.data[row_index];
+#endif
+    film.data[row_index] = sum;
+}
