@@ -8,6 +8,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use stillray::renderer::{Aov, Method};
 use stillray::report::bench::Build;
+use stillray::scene::motion::Motion;
 
 /// What is rendered, how it is looked at, and on what.
 #[derive(Debug, Args)]
@@ -63,19 +64,24 @@ pub fn size(text: &str) -> Result<[u32; 2], String> {
 
 /// The name of a method.
 pub fn method() -> impl TypedValueParser<Value = Method> {
-    named(&[("stable", Method::Stable), ("supersample", Method::Supersample), ("reference", Method::Reference)])
+    named([("stable", Method::Stable), ("supersample", Method::Supersample), ("reference", Method::Reference)])
 }
 
 /// The name of an AOV.
 pub fn aov() -> impl TypedValueParser<Value = Aov> {
-    named(&[("depth", Aov::Depth), ("motion", Aov::Motion), ("density", Aov::Density), ("age", Aov::Age)])
+    named([("depth", Aov::Depth), ("motion", Aov::Motion), ("density", Aov::Density), ("age", Aov::Age)])
+}
+
+/// The name of a camera motion.
+pub fn motion() -> impl TypedValueParser<Value = Motion> {
+    named(Motion::ALL.map(|m| (m.name(), m)))
 }
 
 /// One of a few names, each for a value.
-pub fn named<T: Copy + Send + Sync + 'static>(
-    values: &'static [(&'static str, T)],
+pub fn named<T: Copy + Send + Sync + 'static, const N: usize>(
+    values: [(&'static str, T); N],
 ) -> impl TypedValueParser<Value = T> {
-    PossibleValuesParser::new(values.iter().map(|(name, _)| *name)).try_map(move |name| {
+    PossibleValuesParser::new(values.map(|(name, _)| name)).try_map(move |name| {
         values.iter().find(|(known, _)| *known == name).map(|(_, value)| *value).ok_or("an unknown name")
     })
 }

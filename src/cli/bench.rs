@@ -7,9 +7,10 @@ use stillray::headless::{Device, LoadedScene, Session};
 use stillray::renderer::{FrameInputs, Method, Settings};
 use stillray::report::bench::{self as report, Collector, MethodResult, ratios};
 use stillray::report::{file, json};
+use stillray::scene::motion::Motion;
 
-use super::arguments::{self, Contender, Source, counted, ranged};
-use super::scenes::{Motion, Stage};
+use super::arguments::{self, Contender, Source, counted, motion, ranged};
+use super::scenes::Stage;
 use super::{Failure, Outcome, console, interrupt, progress};
 
 /// Time methods against each other, phase by phase
@@ -36,7 +37,7 @@ pub struct Bench {
     #[arg(long, value_name = "N", default_value = "4", value_parser = counted(0, 100_000), allow_negative_numbers = true)]
     warmup: u32,
     /// How the camera moves
-    #[arg(long, value_name = "NAME", default_value = "rotate", value_parser = Motion::parser())]
+    #[arg(long, value_name = "NAME", default_value = "rotate", value_parser = motion())]
     motion: Motion,
 }
 

@@ -34,12 +34,17 @@ pub struct Info {
 impl Info {
     /// Prints.
     pub fn run(self) -> Outcome {
-        console::print(&devices()?)?;
-        let Some(spec) = &self.scene else { return console::print(&scenes::list()) };
+        let Some(spec) = &self.scene else {
+            return console::print(&format!("{}\n{}", devices()?, scenes::list()));
+        };
         let scene = scenes::load(spec, self.seed)?;
         console::notes(&scene.notices);
-        console::print(&format!("\n{}\n{}", contents(&scene), scenes::requirements(&scene)))?;
-        console::print(&format!("\n{}", self.memory(&scene)?))
+        let about = format!("{}\n{}", contents(&scene), scenes::requirements(&scene));
+        match self.memory(&scene) {
+            Ok(memory) => console::print(&format!("{}\n{about}\n{memory}", devices()?)),
+            // What the scene holds is known on any machine; that nothing can render it is said after it.
+            Err(failure) => console::print(&about).and(Err(failure)),
+        }
     }
 
     /// The memory that a `stable` session takes on a real device.
@@ -54,7 +59,7 @@ impl Info {
 }
 
 fn devices() -> Outcome<String> {
-    let mut table = Table::new(["device", "kind", "Vulkan", "driver", "fits"]);
+    let mut table = Table::new(["device", "kind", "Vulkan", "driver", "fits"]).left();
     for device in Device::list()? {
         let DeviceReport { index, name, kind, driver, api, rejected } = device;
         let fits = if rejected.is_empty() { "yes".to_owned() } else { format!("no: {}", rejected.join("; ")) };
@@ -64,7 +69,7 @@ fn devices() -> Outcome<String> {
 }
 
 fn contents(scene: &Scene) -> Table {
-    let mut table = Table::new([format!("scene {}", scene.name), String::new()]);
+    let mut table = Table::new([format!("scene {}", scene.name), String::new()]).left();
     let triangles = |mesh: &stillray::scene::Mesh| mesh.triangles.len() as u64;
     let placed: u64 = scene.instances.iter().map(|i| triangles(&scene.meshes[i.mesh])).sum();
     let texels: u64 = scene.images.iter().map(|i| u64::from(i.width) * u64::from(i.height)).sum();
@@ -78,6 +83,10 @@ fn contents(scene: &Scene) -> Table {
     count("texels in images", texels);
     count("lights", scene.lights.len() as u64);
     count("animated properties", scene.animations.iter().map(|a| a.channels.len() as u64).sum());
+    if let Some((low, high)) = scene.bounds(&scene.pose(0.0)) {
+        let side = |axis: usize| format!("{:.3} to {:.3} m", low[axis], high[axis]);
+        ["x", "y", "z"].iter().enumerate().for_each(|(axis, name)| table.row([(*name).to_owned(), side(axis)]));
+    }
     table.row(["cameras".to_owned(), scene.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ")]);
     table
 }

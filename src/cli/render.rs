@@ -16,9 +16,10 @@ use stillray::report::png::Picture;
 use stillray::report::statistics::{Summary, mean};
 use stillray::report::table::grouped;
 use stillray::report::{file, json};
+use stillray::scene::motion::Motion;
 
-use super::arguments::{self, Source, aov, counted, method, named, ranged};
-use super::scenes::{Motion, Stage};
+use super::arguments::{self, Source, aov, counted, method, motion, named, ranged};
+use super::scenes::Stage;
 use super::{Failure, Outcome, console, interrupt, progress};
 
 /// Render frames of a scene into files
@@ -48,7 +49,7 @@ pub struct Render {
     #[arg(long, value_name = "N", default_value = "1", value_parser = counted(1, 1_000_000), allow_negative_numbers = true)]
     frames: u32,
     /// How the camera moves
-    #[arg(long, value_name = "NAME", default_value = "static", value_parser = Motion::parser())]
+    #[arg(long, value_name = "NAME", default_value = "static", value_parser = motion())]
     motion: Motion,
     /// Folder for the frames; it is made if need be
     #[arg(long, value_name = "DIR", default_value = "frames")]
@@ -60,7 +61,7 @@ pub struct Render {
         default_value = "png",
         value_delimiter = ',',
         action = ArgAction::Set,
-        value_parser = named(&[("exr", Format::Exr), ("png", Format::Png)]),
+        value_parser = named([("exr", Format::Exr), ("png", Format::Png)]),
         hide_possible_values = true
     )]
     format: Vec<Format>,

@@ -3,7 +3,10 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
-use stillray::scene::{Pose, Scene, View};
+use glam::DVec3;
+use stillray::report::table::Table;
+use stillray::scene::motion::Motion;
+use stillray::scene::{Pose, Scene, View, builtin};
 use stillray::{Error, Result};
 
 use super::arguments::Source;
@@ -17,6 +20,10 @@ pub struct Stage {
     pub name: String,
     camera: usize,
     motion: Motion,
+    /// Centre of the scene in metres, about which orbits turn.
+    focus: DVec3,
+    /// Distance in metres from there that nothing exceeds.
+    radius: f64,
 }
 
 impl Stage {
@@ -25,12 +32,15 @@ impl Stage {
         let scene = load(&source.scene, source.seed)?;
         console::notes(&scene.notices);
         let camera = find_camera(&scene, source.camera.as_deref())?;
-        Ok(Self { name: source.scene.to_string_lossy().into_owned(), camera, motion, scene })
+        let (focus, radius) = sphere(&scene);
+        Ok(Self { name: source.scene.to_string_lossy().into_owned(), camera, motion, focus, radius, scene })
     }
 
     /// Where everything is and where it is seen from after `seconds`.
     pub fn at(&self, seconds: f64) -> (Pose, View) {
-        todo!("{seconds} {:?}", self.motion)
+        let pose = self.scene.pose(seconds);
+        let view = self.motion.view(&pose.cameras[self.camera], self.focus, self.radius, seconds);
+        (pose, view)
     }
 
     /// Name of the camera.
@@ -40,25 +50,16 @@ impl Stage {
 
     /// Name of the motion.
     pub fn motion(&self) -> &'static str {
-        todo!()
+        self.motion.name()
     }
 }
 
 /// Loads a file or a built-in scene.
 pub fn load(spec: &OsStr, seed: u32) -> Result<Scene> {
     match spec.to_str().and_then(|s| s.strip_prefix("builtin:")) {
-        Some(name) => builtin_load(name, seed),
+        Some(name) => builtin::load(name, seed),
         None => import_load(Path::new(spec)),
     }
-}
-
-#[derive(Debug, Clone, Copy)]
-pub enum Motion {
-    Static,
-}
-
-fn builtin_load(name: &str, _seed: u32) -> Result<Scene> {
-    Err(Error::Setting { name: "builtin", value: name.to_owned(), expected: "one of the built-in scenes".into() })
 }
 
 fn import_load(path: &Path) -> Result<Scene> {
@@ -78,19 +79,24 @@ fn find_camera(scene: &Scene, wanted: Option<&str>) -> Result<usize> {
     })
 }
 
-impl Motion {
-    /// Reads a motion's name.
-    pub fn parser() -> impl clap::builder::TypedValueParser<Value = Motion> {
-        super::arguments::named(&[("static", Motion::Static), ("rotate", Motion::Static)])
-    }
-}
-
 /// The built-in scenes, one a line.
-pub fn list() -> String {
-    String::new()
+pub fn list() -> Table {
+    let mut table = Table::new(["built-in scene", "what it is"]).left();
+    for (name, about) in builtin::NAMES {
+        table.row([format!("builtin:{name}"), (*about).to_owned()]);
+    }
+    table
 }
 
 /// What the scene needs modelled, and why.
 pub fn requirements(_scene: &Scene) -> String {
     String::new()
+}
+
+/// Centre and radius in metres of a sphere that holds everything in the scene, for a camera to move about.
+fn sphere(scene: &Scene) -> (DVec3, f64) {
+    match scene.bounds(&scene.pose(0.0)) {
+        Some((low, high)) => (low.midpoint(high), low.distance(high) / 2.0),
+        None => (DVec3::ZERO, 1.0),
+    }
 }

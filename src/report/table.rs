@@ -6,12 +6,18 @@ use std::fmt;
 #[derive(Debug, Clone, Default)]
 pub struct Table {
     rows: Vec<Vec<String>>,
+    left: bool,
 }
 
 impl Table {
     /// A table with these column titles.
     pub fn new<S: Into<String>>(titles: impl IntoIterator<Item = S>) -> Self {
-        Self { rows: vec![titles.into_iter().map(Into::into).collect()] }
+        Self { rows: vec![titles.into_iter().map(Into::into).collect()], left: false }
+    }
+
+    /// The same with all columns to the left, for words.
+    pub fn left(self) -> Self {
+        Self { left: true, ..self }
     }
 
     /// Adds a row below the others.
@@ -32,7 +38,9 @@ impl fmt::Display for Table {
         for row in &self.rows {
             let mut line = String::new();
             for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
-                line += &if column == 0 { format!("{cell:<width$}") } else { format!("  {cell:>width$}") };
+                let gap = if column == 0 { "" } else { "  " };
+                let left = self.left || column == 0;
+                line += &if left { format!("{gap}{cell:<width$}") } else { format!("{gap}{cell:>width$}") };
             }
             writeln!(f, "{}", line.trim_end())?;
         }
@@ -66,6 +74,7 @@ mod tests {
         table.row(["größe", "-"]);
         table.row(["short"]);
         assert_eq!(table.to_string(), "method       ms\nstable:1  10.25\ngröße         -\nshort\n");
+        assert_eq!(table.left().to_string(), "method    ms\nstable:1  10.25\ngröße     -\nshort\n");
     }
 
     #[test]
