@@ -1,1 +1,207 @@
-//! To be written.
+//! Everything that moves, at one moment, in f64.
+
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+use super::{Animation, Channel, ChannelValues, Interpolation, LightPose, LocalTransform, Mesh, Pose, Scene, View};
+
+impl LocalTransform {
+    /// The transform as a matrix: scale, then rotation, then translation.
+    #[must_use]
+    pub fn affine(&self) -> DAffine3 {
+        match *self {
+            Self::Trs { translation, rotation, scale } => {
+                DAffine3::from_scale_rotation_translation(scale, rotation, translation)
+            }
+            Self::Matrix(matrix) => matrix,
+        }
+    }
+}
+
+impl Animation {
+    /// Seconds from 0 to the last key of any channel, after which the animation starts again; 0 if it has one key.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.channels.iter().filter_map(|channel| channel.times.last()).fold(0.0, |longest, &t| t.max(longest))
+    }
+}
+
+impl Scene {
+    /// Seconds that the longest animation takes; 0 if nothing is animated.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.animations.iter().map(Animation::duration).fold(0.0, f64::max)
+    }
+
+    /// Evaluates animations and hierarchy at a time in seconds; a time that is not finite stands for 0.
+    ///
+    /// All animations play together, each looped on its own [`Animation::duration`]. A property that several drive
+    /// follows the last one (import leaves only the first in).
+    #[must_use]
+    pub fn pose(&self, time: f64) -> Pose {
+        let globals = self.global_transforms(time);
+        Pose {
+            instances: self.instances.iter().map(|instance| globals[instance.node]).collect(),
+            lights: self.lights.iter().map(|light| light_pose(&globals[light.node])).collect(),
+            cameras: self.cameras.iter().map(|camera| view(&globals[camera.node], camera.yfov)).collect(),
+        }
+    }
+
+    /// The world-space box around all instances in a pose, as its lowest and highest corner in metres; none if there
+    /// is no triangle. It contains the transformed boxes of the meshes: it can be larger than the tightest one.
+    #[must_use]
+    pub fn bounds(&self, pose: &Pose) -> Option<(DVec3, DVec3)> {
+        let boxes: Vec<_> = self.meshes.iter().map(mesh_bounds).collect();
+        let placed = self.instances.iter().zip(&pose.instances);
+        let boxes = placed.filter_map(|(instance, transform)| Some(transformed(boxes[instance.mesh]?, transform)));
+        boxes.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+    }
+
+    /// The object-to-world transform of each node.
+    fn global_transforms(&self, time: f64) -> Vec<DAffine3> {
+        let mut locals: Vec<LocalTransform> = self.nodes.iter().map(|node| node.local).collect();
+        for animation in &self.animations {
+            let time = looped(time, animation.duration());
+            for channel in &animation.channels {
+                channel.apply(time, &mut locals[channel.node]);
+            }
+        }
+        let mut globals: Vec<DAffine3> = Vec::with_capacity(locals.len());
+        for (node, local) in self.nodes.iter().zip(&locals) {
+            let local = local.affine();
+            globals.push(node.parent.map_or(local, |parent| globals[parent] * local));
+        }
+        globals
+    }
+}
+
+impl Channel {
+    /// Sets the property that the channel drives to its value at a time in seconds. Matrices are not driven.
+    fn apply(&self, time: f64, local: &mut LocalTransform) {
+        let LocalTransform::Trs { translation, rotation, scale } = local else { return };
+        let at = Segment::find(&self.times, time);
+        match &self.values {
+            ChannelValues::Translation(values) => *translation = self.vector(&at, values),
+            ChannelValues::Scale(values) => *scale = self.vector(&at, values),
+            ChannelValues::Rotation(values) => *rotation = self.quaternion(&at, values),
+        }
+    }
+
+    fn vector(&self, at: &Segment, values: &[DVec3]) -> DVec3 {
+        match self.interpolation {
+            Interpolation::Step => values[at.key],
+            Interpolation::Linear => values[at.key].lerp(values[at.next], at.fraction),
+            Interpolation::CubicSpline => {
+                let [p0, b0, a1, p1] = at.cubic(values);
+                let [w0, v0, v1, w1] = at.hermite();
+                p0 * w0 + b0 * v0 + a1 * v1 + p1 * w1
+            }
+        }
+    }
+
+    fn quaternion(&self, at: &Segment, values: &[DQuat]) -> DQuat {
+        match self.interpolation {
+            Interpolation::Step => values[at.key],
+            Interpolation::Linear => slerp(values[at.key], values[at.next], at.fraction),
+            Interpolation::CubicSpline => {
+                let [p0, b0, a1, p1] = at.cubic(values);
+                let [w0, v0, v1, w1] = at.hermite();
+                let sum = p0 * w0 + b0 * v0 + a1 * v1 + p1 * w1;
+                let length = sum.length();
+                if length > 0.0 && length.is_finite() { sum / length } else { p0 }
+            }
+        }
+    }
+}
+
+/// Where a time falls between keys.
+struct Segment {
+    key: usize,
+    /// Equal to `key` before the first and after the last key.
+    next: usize,
+    /// 0 at `key` ..= 1 at `next`.
+    fraction: f64,
+    /// Seconds from `key` to `next`.
+    seconds: f64,
+}
+
+impl Segment {
+    fn find(times: &[f64], time: f64) -> Self {
+        let after = times.partition_point(|&key| key <= time);
+        if after == 0 || after == times.len() {
+            let key = after.saturating_sub(1);
+            return Self { key, next: key, fraction: 0.0, seconds: 0.0 };
+        }
+        let (from, to) = (times[after - 1], times[after]);
+        // `to > from` in f32 steps: the difference is not zero.
+        Self { key: after - 1, next: after, fraction: (time - from) / (to - from), seconds: to - from }
+    }
+
+    /// Value and out-tangent of this key, in-tangent and value of the next one.
+    fn cubic<T: Copy>(&self, values: &[T]) -> [T; 4] {
+        [values[3 * self.key + 1], values[3 * self.key + 2], values[3 * self.next], values[3 * self.next + 1]]
+    }
+
+    /// Weights of what [`Segment::cubic`] returns (glTF 2.0, appendix C.4).
+    fn hermite(&self) -> [f64; 4] {
+        let (t, d) = (self.fraction, self.seconds);
+        let (t2, t3) = (t * t, t * t * t);
+        [2.0 * t3 - 3.0 * t2 + 1.0, d * (t3 - 2.0 * t2 + t), d * (t3 - t2), -2.0 * t3 + 3.0 * t2]
+    }
+}
+
+/// `time` wrapped into 0..duration.
+fn looped(time: f64, duration: f64) -> f64 {
+    if !time.is_finite() {
+        return 0.0;
+    }
+    if duration > 0.0 { time.rem_euclid(duration) } else { time }
+}
+
+/// Spherical interpolation along the shorter arc (appendix C.3). The angle comes from the arc tangent, which is exact
+/// to a few ulps for nearly equal rotations, where an arc cosine is not.
+fn slerp(from: DQuat, to: DQuat, fraction: f64) -> DQuat {
+    let to = if from.dot(to) < 0.0 { -to } else { to };
+    let angle = 2.0 * (to - from).length().atan2((to + from).length());
+    let sine = angle.sin();
+    // Below this the weights are those of a linear interpolation to within the last bit (x - sin x < x^3 / 6).
+    if angle < 1e-8 || sine <= 0.0 {
+        return from.lerp(to, fraction);
+    }
+    let sum = from * (((1.0 - fraction) * angle).sin() / sine) + to * ((fraction * angle).sin() / sine);
+    sum.normalize()
+}
+
+fn mesh_bounds(mesh: &Mesh) -> Option<(DVec3, DVec3)> {
+    let first = mesh.positions.get(mesh.triangles.first()?[0] as usize)?.to_owned();
+    let corners = mesh.triangles.iter().flatten().map(|&vertex| mesh.positions[vertex as usize]);
+    let (low, high) = corners.fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
+    Some((low.as_dvec3(), high.as_dvec3()))
+}
+
+fn transformed((low, high): (DVec3, DVec3), transform: &DAffine3) -> (DVec3, DVec3) {
+    let (center, half) = (low.midpoint(high), (high - low) / 2.0);
+    let matrix = transform.matrix3;
+    let extent = matrix.x_axis.abs() * half.x + matrix.y_axis.abs() * half.y + matrix.z_axis.abs() * half.z;
+    let center = transform.transform_point3(center);
+    (center - extent, center + extent)
+}
+
+fn light_pose(global: &DAffine3) -> LightPose {
+    let direction = unit(-global.matrix3.z_axis).unwrap_or(DVec3::NEG_Z);
+    LightPose { position: global.translation, direction }
+}
+
+/// A camera ignores its node's scale, and a mirrored node's mirroring: it looks along -Z with +Y as far up as possible.
+fn view(global: &DAffine3, yfov: f64) -> View {
+    let back = unit(global.matrix3.z_axis).unwrap_or(DVec3::Z);
+    let up = unit(global.matrix3.y_axis).unwrap_or(DVec3::Y);
+    let right = unit(up.cross(back)).unwrap_or_else(|| back.any_orthonormal_vector());
+    let rotation = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize();
+    View { position: global.translation, rotation, yfov }
+}
+
+/// `v` normalised; none if it is zero or not finite. Scaled first, because extreme scales overflow when squared.
+fn unit(v: DVec3) -> Option<DVec3> {
+    let largest = v.abs().max_element();
+    (v.is_finite() && largest > 0.0).then(|| (v / largest).normalize())
+}

@@ -1,0 +1,84 @@
+//! What a scene gets that says nothing about it: a material, a camera, a light.
+
+use std::f32::consts::PI;
+
+use glam::{DMat3, DQuat, DVec3, Vec3};
+
+use crate::scene::{Camera, Environment, Light, LightKind, LocalTransform, Material, Node, Scene, View};
+
+/// Vertical field of view of the framing camera, in radians.
+const YFOV: f64 = std::f64::consts::FRAC_PI_4;
+/// Where the framing camera is, seen from the scene: azimuth from +Z towards +X and elevation, in radians. It shows
+/// the front (glTF's models face +Z), a side and the top.
+const AZIMUTH: f64 = 35.0 * std::f64::consts::PI / 180.0;
+const ELEVATION: f64 = 20.0 * std::f64::consts::PI / 180.0;
+/// Where the default light shines, in the space of the first camera: from over its right shoulder.
+const LIGHT: DVec3 = DVec3::new(-0.5, -0.8, -1.0);
+/// Lux. A white Lambert surface that faces the light has a radiance of `intensity / π` = 1.
+const INTENSITY: f32 = PI;
+/// The soft grey from all around that goes with the default light.
+const AMBIENT: f32 = 0.4;
+
+impl Scene {
+    /// Adds what the renderer needs and the scene lacks, as of time 0. Called at the end of loading; the built-in
+    /// scenes may call it, too. Doing it twice changes nothing.
+    ///
+    /// - No material: the default one of glTF.
+    /// - No camera: one named `framed`, with a vertical field of view of 45°, that sees the whole bounding sphere in
+    ///   any image at least as wide as high, from the front, 35° to the right and 20° above.
+    /// - No light of its own (neither a punctual light of positive intensity nor an environment; emissive surfaces do
+    ///   not count, because what they light is not traced by all methods): a white directional light of π lux over
+    ///   the first camera's right shoulder, under which a white diffuse surface that faces it has a radiance of 1,
+    ///   and a grey environment of radiance 0.4. A scene with lights of its own keeps a black environment.
+    pub fn complete(&mut self) {
+        if self.materials.is_empty() {
+            self.materials.push(Material::default());
+        }
+        if self.cameras.is_empty() {
+            let view = self.framing_view();
+            let node = self.add_root("framed", view.position, view.rotation);
+            self.cameras.push(Camera { name: "framed".to_owned(), node, yfov: view.yfov });
+        }
+        let shines = |light: &Light| light.intensity > 0.0 && light.color.max_element() > 0.0;
+        if !self.lights.iter().any(shines) && self.environment.radiance == Vec3::ZERO {
+            self.add_default_light();
+            self.environment = Environment { radiance: Vec3::splat(AMBIENT) };
+        }
+    }
+
+    fn framing_view(&self) -> View {
+        let (low, high) = self.bounds(&self.pose(0.0)).unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
+        let (center, radius) = (low.midpoint(high), (high - low).length() / 2.0);
+        let radius = if radius > 0.0 { radius } else { 1.0 }; // a single point is seen from some distance
+        let (sin, cos) = ELEVATION.sin_cos();
+        let back = DVec3::new(AZIMUTH.sin() * cos, sin, AZIMUTH.cos() * cos);
+        let position = center + back * (radius / (YFOV / 2.0).sin());
+        View { position, rotation: looking_along(-back), yfov: YFOV }
+    }
+
+    fn add_default_light(&mut self) {
+        let view = self.pose(0.0).cameras[0];
+        let rotation = looking_along(view.rotation * LIGHT.normalize());
+        let node = self.add_root("default light", view.position, rotation);
+        self.lights.push(Light {
+            name: "default".to_owned(),
+            node,
+            kind: LightKind::Directional,
+            color: Vec3::ONE,
+            intensity: INTENSITY,
+            range: None,
+        });
+    }
+
+    fn add_root(&mut self, name: &str, translation: DVec3, rotation: DQuat) -> usize {
+        let local = LocalTransform::Trs { translation, rotation, scale: DVec3::ONE };
+        self.nodes.push(Node { name: name.to_owned(), parent: None, local });
+        self.nodes.len() - 1
+    }
+}
+
+/// Turns -Z into a unit direction and keeps +Y up as far as that goes.
+fn looking_along(direction: DVec3) -> DQuat {
+    let right = direction.cross(DVec3::Y).try_normalize().unwrap_or(DVec3::X);
+    DQuat::from_mat3(&DMat3::from_cols(right, right.cross(direction), -direction))
+}
