@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 use stillray::report::table::Table;
 use stillray::scene::motion::Motion;
-use stillray::scene::{Pose, Scene, View, builtin};
+use stillray::scene::{Pose, Scene, View, builtin, import};
 use stillray::{Error, Result};
 
 use super::arguments::Source;
@@ -58,13 +58,8 @@ impl Stage {
 pub fn load(spec: &OsStr, seed: u32) -> Result<Scene> {
     match spec.to_str().and_then(|s| s.strip_prefix("builtin:")) {
         Some(name) => builtin::load(name, seed),
-        None => import_load(Path::new(spec)),
+        None => import::load(Path::new(spec)),
     }
-}
-
-fn import_load(path: &Path) -> Result<Scene> {
-    std::fs::read(path).map_err(|cause| Error::Io { path: path.to_owned(), cause })?;
-    Ok(Scene::default())
 }
 
 /// By name, or else by number, or else the first.
