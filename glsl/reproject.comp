@@ -22,8 +22,7 @@ void main() {
     uint id = s.instance & INSTANCE_MASK;
     vec3 relative = s.position;
     if (id < frame.data.instance_count) {
-        Instance inst = instances.data[id];
-        relative = transform_point(inst.to_relative[0], inst.to_relative[1], inst.to_relative[2], s.position);
+        relative = transform_point(instances.data[id].to_relative, s.position);
     } else if (id != SKY_INSTANCE) {
         return;  // lost
     }

@@ -1,109 +1,321 @@
-//! The embedding surface.
+//! The embedding surface: create, record a frame, resize, destroy.
+//!
+//! The library only records. The host owns queue, submission and waiting; after creation no Vulkan object is made and no
+//! device memory is allocated until [`Renderer::resize`].
 
-use crate::scene::{Pose, View};
+use crate::accel::{self, Tlas};
+use crate::gpu::{Context, Image, Recorder};
+use crate::method::buffers::FrameBuffers;
+use crate::method::constants::{self, Moment};
+use crate::method::plan::{self, Plan};
+use crate::method::ring::Ring;
+use crate::method::storage::Storage;
+use crate::method::SLOTS;
+use crate::phase::Kit;
+use crate::resident::ResidentScene;
+use crate::scene::{Pose, Scene, View};
+use crate::shaders;
+use crate::{Error, Result};
+use ash::vk;
+use std::sync::Arc;
 
-/// How to render. See [`Settings::default`] for the defaults.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// How samples are chosen.
-    pub method: Method,
-    /// Width and height in pixels, each at least 1.
-    pub size: [u32; 2],
-    /// `stable`: samples a pixel to aim at, 0.0625 to 16.
-    pub density: f32,
-    /// `stable`: deviation from `density` that is tolerated before samples are added or evicted, 0.0625 to 16.
-    pub tolerance: f32,
-    /// `supersample` and `reference`: stratified samples a pixel and frame, 1 to 16.
-    pub spp: u32,
-    /// `supersample`: new sample positions each frame, instead of the same ones.
-    pub jitter: bool,
-    /// Seeds all random choices.
-    pub seed: u32,
-    /// 32-bit float output instead of 16-bit.
-    pub float_output: bool,
-    /// Which images besides colour are written.
-    pub aovs: Vec<Aov>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            method: Method::Stable,
-            size: [640, 480],
-            density: 1.0,
-            tolerance: 1.0,
-            spp: 1,
-            jitter: false,
-            seed: 0,
-            float_output: false,
-            aovs: Vec::new(),
-        }
-    }
-}
-
-/// How samples are chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// Reprojected samples, paper 1.
-    Stable,
-    /// `spp` stratified samples a pixel, traced anew each frame.
-    Supersample,
-    /// As `Supersample`, jittered and accumulated over all frames since the last reset.
-    Reference,
-}
-
-/// Images besides colour. All are one 32-bit float a pixel, but motion, which is two.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Aov {
-    /// Distance from the camera in metres of the nearest sample of the pixel; infinity for the sky.
-    Depth,
-    /// Pixels moved since the last frame (x right, y down), the longest of the pixel's samples.
-    Motion,
-    /// Red: samples evicted, green: samples added, blue: samples kept (paper 1, figure 4). Three floats.
-    Density,
-    /// Frames that the pixel's oldest sample has lived.
-    Age,
-}
+pub use crate::settings::{Aov, Method, Settings};
+pub use crate::stats::{FrameStats, PhaseTime};
 
 /// What changes from frame to frame.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameInputs<'a> {
     /// Where the frame is seen from.
     pub view: View,
-    /// Where everything is.
+    /// Where everything is: as many instances and lights as the scene has.
     pub pose: &'a Pose,
     /// A camera cut: forget all samples.
     pub reset: bool,
 }
 
-/// Counts of one frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
-pub struct FrameStats {
-    /// Camera rays traced: kept and new samples.
-    pub rays: u32,
-    /// Shadow rays traced.
-    pub shadow_rays: u32,
-    /// Samples that were reprojected onto the screen and kept.
-    pub reused: u32,
-    /// Samples added.
-    pub added: u32,
-    /// Samples evicted by the analysis.
-    pub evicted: u32,
-    /// Kept samples found occluded.
-    pub occluded: u32,
-    /// Samples shaded.
-    pub shaded: u32,
-    /// Pixels with 0, 1, 2, … 16 reprojected unoccluded samples, before samples are added or evicted.
-    pub histogram: [u32; 17],
+/// What a recorded frame writes. The handles stay the renderer's and are valid until it is resized or dropped.
+///
+/// The images are in layout GENERAL before and after; they are written in stage COMPUTE_SHADER with access
+/// SHADER_STORAGE_WRITE. A host that reads them puts a barrier from there to its own use behind the recorded commands, and
+/// has read them before it submits the next frame.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameOutputs {
+    /// Scene-linear RGB (Rec. 709 primaries), alpha 1; R16G16B16A16_SFLOAT, or R32G32B32A32_SFLOAT with
+    /// [`Settings::float_output`].
+    pub color: vk::Image,
+    /// A view of `color`.
+    pub color_view: vk::ImageView,
+    /// Width and height in pixels.
+    pub extent: [u32; 2],
+    /// Names the frame to [`Renderer::stats`] and [`Renderer::phase_times`].
+    pub ticket: Ticket,
 }
 
-/// Time of one phase of a frame.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct PhaseTime {
-    /// The phase's label.
-    pub label: &'static str,
-    /// Milliseconds on the device.
-    pub ms: f64,
+/// Names a recorded frame. Two frames can be in flight; the ticket of the one before is spent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ticket(u64);
+
+/// Renders frames of one scene with one method.
+///
+/// Samples, and so pictures, carry over from frame to frame. Frames must be submitted in the order in which they were
+/// recorded, to one queue, and at most two may be in flight: before a frame is recorded, the one before the last must have
+/// been waited for.
+pub struct Renderer {
+    context: Context,
+    scene: Arc<ResidentScene>,
+    settings: Settings,
+    recorder: Recorder,
+    tlas: Tlas,
+    frames: Frames,
+    last: Option<Last>,
+    recorded: u64,
+}
+
+impl std::fmt::Debug for Renderer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Renderer").field("settings", &self.settings).finish_non_exhaustive()
+    }
+}
+
+/// What the last frame saw.
+#[derive(Debug)]
+struct Last {
+    view: View,
+    pose: Pose,
+    /// Frames since the last reset.
+    frame: u32,
+    /// Frames for which nothing has moved.
+    still: u32,
+}
+
+/// Everything whose size depends on the frame's.
+struct Frames {
+    storage: Storage,
+    plans: [Plan; SLOTS],
+    buffers: FrameBuffers,
+    ring: Ring,
+    // Holds the descriptor sets that the plans bind.
+    _kit: Kit,
+}
+
+impl Renderer {
+    /// Uploads the scene and makes everything that frames need.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a value out of range, [`Error::TooLarge`] and [`Error::OutOfMemory`] with what to lower.
+    pub fn new(context: &Context, scene: &Scene, settings: &Settings) -> Result<Self> {
+        let resident = ResidentScene::new(context, scene, &crate::progress::Quiet)?;
+        Self::with_scene(context, Arc::new(resident), settings)
+    }
+
+    /// As [`Renderer::new`], with a scene that is on the device already and may be shared.
+    ///
+    /// # Errors
+    /// As for [`Renderer::new`].
+    pub fn with_scene(context: &Context, scene: Arc<ResidentScene>, settings: &Settings) -> Result<Self> {
+        settings.validate()?;
+        let frames = Frames::new(context, &scene, settings)?;
+        let most = frames.plans.iter().map(|p| p.passes.len()).max().unwrap_or(0);
+        let recorder = Recorder::new(context, most as u32, SLOTS as u32)?;
+        Ok(Self {
+            context: context.clone(),
+            scene,
+            settings: settings.clone(),
+            recorder,
+            tlas: Tlas::default(),
+            frames,
+            last: None,
+            recorded: 0,
+        })
+    }
+
+    /// Changes the frame's size. All samples are forgotten. Nothing recorded before may still be in flight.
+    ///
+    /// # Errors
+    /// As for [`Renderer::new`]; the renderer then keeps its old size.
+    pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
+        let settings = Settings { size, ..self.settings.clone() };
+        settings.validate()?;
+        self.frames = Frames::new(&self.context, &self.scene, &settings)?;
+        self.settings = settings;
+        self.last = None;
+        Ok(())
+    }
+
+    /// Records a frame. Nothing is submitted, nothing waited for, no device memory allocated.
+    ///
+    /// # Safety
+    /// `commands` must be in the recording state, outside a render pass, from the family of the context's queue. The
+    /// frame before the last must have been waited for.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if the pose does not fit the scene, or is not finite.
+    pub unsafe fn record(&mut self, commands: vk::CommandBuffer, inputs: &FrameInputs<'_>) -> Result<FrameOutputs> {
+        self.record_without(commands, inputs, None)
+    }
+
+    /// Records a frame and leaves one of its barriers out, for the test that the validation layer notices.
+    #[doc(hidden)]
+    pub fn record_without(
+        &mut self,
+        commands: vk::CommandBuffer,
+        inputs: &FrameInputs<'_>,
+        dropped: Option<usize>,
+    ) -> Result<FrameOutputs> {
+        self.check_inputs(inputs)?;
+        let slot = (self.recorded % SLOTS as u64) as usize;
+        let moment = self.advance(inputs);
+        self.write_constants(slot, inputs, &moment);
+        let plan = &self.frames.plans[slot];
+        let mut barriers = plan.barriers.clone();
+        if let Some(dropped) = dropped.and_then(|i| barriers.get_mut(i)) {
+            *dropped = None;
+        }
+        self.recorder.record(commands, &plan.passes, &barriers, slot as u32);
+        self.recorded += 1;
+        Ok(FrameOutputs {
+            color: self.frames.buffers.color.raw(),
+            color_view: self.frames.buffers.color.view(),
+            extent: self.settings.size,
+            ticket: Ticket(self.recorded - 1),
+        })
+    }
+
+    /// Counts of a frame that has been waited for; `None` if its ticket is spent.
+    pub fn stats(&self, ticket: Ticket) -> Option<FrameStats> {
+        let slot = self.slot(ticket)?;
+        let counters = self.frames.ring.counters(slot)?;
+        Some(FrameStats::new(&counters, &self.settings))
+    }
+
+    /// Time of each phase of a frame that has been waited for, in order; empty on a device without timestamps, or if the
+    /// ticket is spent.
+    pub fn phase_times(&self, ticket: Ticket) -> Vec<PhaseTime> {
+        let Some(slot) = self.slot(ticket) else { return Vec::new() };
+        let passes = &self.frames.plans[slot].passes;
+        let mut phases: Vec<PhaseTime> = Vec::new();
+        for (pass, ms) in passes.iter().zip(self.recorder.times(passes.len(), slot as u32)) {
+            match phases.last_mut() {
+                Some(last) if last.label == pass.label => last.ms += ms,
+                _ => phases.push(PhaseTime { label: pass.label, ms }),
+            }
+        }
+        phases
+    }
+
+    /// The image of an AOV that the settings ask for, in layout GENERAL.
+    pub fn aov(&self, aov: Aov) -> Option<&Image> {
+        let wanted = self.settings.aovs.contains(&aov);
+        let index = Aov::ALL.iter().position(|a| *a == aov)?;
+        self.frames.buffers.aovs.get(index).filter(|_| wanted)
+    }
+
+    /// The colour image.
+    pub fn color(&self) -> &Image {
+        &self.frames.buffers.color
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The frame's passes and barriers (those of every other frame; the rest differ in which cache is which).
+    pub fn plan(&self) -> &Plan {
+        &self.frames.plans[0]
+    }
+
+    /// Sizes of everything that depends on the frame's size.
+    pub fn storage(&self) -> &Storage {
+        &self.frames.storage
+    }
+
+    fn slot(&self, ticket: Ticket) -> Option<usize> {
+        let current = ticket.0 < self.recorded && ticket.0 + SLOTS as u64 >= self.recorded;
+        current.then_some((ticket.0 % SLOTS as u64) as usize)
+    }
+
+    fn check_inputs(&self, inputs: &FrameInputs<'_>) -> Result<()> {
+        let wrong = |name, value: String, expected: String| Err(Error::Setting { name, value, expected });
+        let (instances, lights) = (self.scene.geometry.instance_meshes.len(), self.scene.lights.len());
+        let pose = inputs.pose;
+        if pose.instances.len() != instances || pose.lights.len() != lights {
+            let found = format!("{} instances and {} lights", pose.instances.len(), pose.lights.len());
+            return wrong("pose", found, format!("{instances} instances and {lights} lights, as the scene has"));
+        }
+        let view = &inputs.view;
+        let usable = view.position.is_finite() && view.rotation.is_finite();
+        if !usable || !(view.yfov > 0.0 && view.yfov < std::f64::consts::PI) {
+            let expected = "a finite position and rotation, and a field of view between 0 and π".to_owned();
+            return wrong("view", format!("{view:?}"), expected);
+        }
+        Ok(())
+    }
+
+    /// Compares with the last frame, and remembers this one.
+    fn advance(&mut self, inputs: &FrameInputs<'_>) -> Moment {
+        let last = self.last.take().filter(|_| !inputs.reset);
+        let still = last.as_ref().map_or(0, |l| {
+            if l.view == inputs.view && l.pose == *inputs.pose { l.still.saturating_add(1) } else { 0 }
+        });
+        let frame = last.as_ref().map_or(0, |l| l.frame.wrapping_add(1));
+        let moment = Moment {
+            view: inputs.view,
+            previous: last.as_ref().map_or(inputs.view, |l| l.view),
+            frame,
+            reset: last.is_none(),
+            // The first still frame repairs what the last movement left; from the second on the pattern stays.
+            settled: still >= 2,
+            lights: self.scene.lights.len() as u32,
+            instances: self.scene.geometry.instance_meshes.len() as u32,
+        };
+        self.write_instances(inputs, &moment, last.as_ref().map(|l| &l.pose));
+        self.last = Some(Last { view: inputs.view, pose: inputs.pose.clone(), frame, still });
+        moment
+    }
+
+    /// Places the instances relative to the camera and rebuilds the top level, into the ring.
+    fn write_instances(&mut self, inputs: &FrameInputs<'_>, moment: &Moment, before: Option<&Pose>) {
+        let geometry = &self.scene.geometry;
+        let before = before.unwrap_or(inputs.pose);
+        let mut instances: Vec<shaders::Instance> = geometry
+            .instance_meshes
+            .iter()
+            .zip(inputs.pose.instances.iter().zip(&before.instances))
+            .map(|(mesh, (now, then))| {
+                let record = &geometry.meshes[*mesh as usize];
+                accel::place(geometry, record, (now, moment.view.position), (then, moment.previous.position))
+            })
+            .collect();
+        self.tlas.rebuild(geometry, &mut instances);
+        let slot = (self.recorded % SLOTS as u64) as usize;
+        self.frames.ring.write_instances(slot, &instances);
+        self.frames.ring.write_top_level(slot, &self.tlas.nodes);
+    }
+
+    fn write_constants(&mut self, slot: usize, inputs: &FrameInputs<'_>, moment: &Moment) {
+        let frame = constants::frame(&self.settings, &self.frames.storage, &self.scene.environment, moment);
+        let placed = self.scene.lights.iter().zip(&inputs.pose.lights);
+        let lights: Vec<shaders::Light> =
+            placed.map(|(light, pose)| constants::light(light, pose, inputs.view.position)).collect();
+        self.frames.ring.write_frame(slot, &frame);
+        self.frames.ring.write_lights(slot, &lights);
+    }
+}
+
+impl Frames {
+    fn new(context: &Context, scene: &ResidentScene, settings: &Settings) -> Result<Self> {
+        let storage = Storage::new(settings);
+        let buffers = FrameBuffers::new(context, settings, &storage, scene.instance_count(), scene.light_count())?;
+        let ring = Ring::new(context, scene)?;
+        // Two plans of less than 20 passes each.
+        let kit = Kit::new(context, 2 * 20)?;
+        let plan_of = |slot: usize| -> Result<Plan> {
+            let resources = buffers.resources(slot);
+            let transfers = ring.transfers(slot, &resources, scene);
+            plan::plan(&kit, settings, &resources, &scene.resources(), &transfers)
+        };
+        let plans = [plan_of(0)?, plan_of(1)?];
+        Ok(Self { storage, buffers, _kit: kit, ring, plans })
+    }
 }

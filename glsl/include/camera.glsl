@@ -6,7 +6,7 @@
 #ifndef STILLRAY_CAMERA
 #define STILLRAY_CAMERA
 
-#include "types.glsl"
+#include "ray.glsl"
 
 // Subpixels of a pixel across and down (M in paper 1). Bit i of a mask is subpixel (i % 4, i / 4).
 const uint M = 4u;
@@ -30,13 +30,6 @@ uint dense_index() {
 float dot_precise(vec3 a, vec3 b) {
     precise float sum = a.x * b.x + a.y * b.y + a.z * b.z;
     return sum;
-}
-
-vec3 transform_point(vec4 row0, vec4 row1, vec4 row2, vec3 p) {
-    precise float x = row0.x * p.x + row0.y * p.y + row0.z * p.z + row0.w;
-    precise float y = row1.x * p.x + row1.y * p.y + row1.z * p.z + row1.w;
-    precise float z = row2.x * p.x + row2.y * p.y + row2.z * p.z + row2.w;
-    return vec3(x, y, z);
 }
 
 // Projects a camera-relative point (or a direction, for the sky). False outside the frustum. The comparison precedes the

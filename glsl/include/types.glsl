@@ -4,6 +4,8 @@
 #ifndef STILLRAY_TYPES
 #define STILLRAY_TYPES
 
+const uint INFINITY_BITS = 0x7f800000u;  // of a float
+
 // A cached sample: 16 bytes (paper 1, section 5).
 struct Sample {
     vec3 position;  // object space, metres; for SKY_INSTANCE a unit direction in world space; for NEW_INSTANCE (x, y, 0) in pixels
@@ -66,6 +68,9 @@ struct Instance {
 
 const uint INSTANCE_FLIPPED = 1u;  // the transform's determinant is negative
 const uint INSTANCE_ALPHA = 2u;    // some material of the mesh has an alpha mask or blend
+
+const uint TRAVERSAL_STACK = 32u;        // entries of a ray's stack; accel/ refuses or rebuilds what would need more
+const uint TRAVERSAL_STEPS = 1048576u;   // nodes that a ray visits at most: an end, whatever the data
 
 // A triangle slot's vertices and material.
 struct Triangle {

@@ -205,3 +205,155 @@ fn unit(v: DVec3) -> Option<DVec3> {
     let largest = v.abs().max_element();
     (v.is_finite() && largest > 0.0).then(|| (v / largest).normalize())
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::scene::{Camera, Instance, Light, LightKind, Node};
+
+    fn channel(interpolation: Interpolation, times: &[f64], values: ChannelValues) -> Channel {
+        Channel { node: 0, times: times.to_vec(), interpolation, values }
+    }
+
+    /// A scene of one node with an instance, driven by one channel.
+    fn driven(channel: Channel) -> Scene {
+        Scene {
+            nodes: vec![Node::default()],
+            instances: vec![Instance { node: 0, mesh: 0 }],
+            animations: vec![Animation { name: String::new(), channels: vec![channel] }],
+            ..Scene::default()
+        }
+    }
+
+    fn place(scene: &Scene, time: f64) -> DVec3 {
+        scene.pose(time).instances[0].translation
+    }
+
+    #[test]
+    fn steps_hold_and_lines_run_between_keys() {
+        let values = ChannelValues::Translation(vec![DVec3::X, DVec3::Y, DVec3::Z * 4.0]);
+        let times = [0.5, 1.0, 2.0];
+        let step = driven(channel(Interpolation::Step, &times, values.clone()));
+        assert_eq!(
+            [0.0, 0.5, 0.75, 1.0, 1.99].map(|t| place(&step, t)),
+            [DVec3::X, DVec3::X, DVec3::X, DVec3::Y, DVec3::Y]
+        );
+        let linear = driven(channel(Interpolation::Linear, &times, values));
+        assert_eq!(place(&linear, 0.25), DVec3::X, "before the first key");
+        assert_eq!(place(&linear, 0.75), DVec3::new(0.5, 0.5, 0.0));
+        assert_eq!(place(&linear, 1.75), DVec3::new(0.0, 0.25, 3.0));
+        assert_eq!(linear.duration(), 2.0);
+        assert_eq!(place(&linear, 2.75), place(&linear, 0.75), "looped");
+        assert_eq!(place(&linear, -1.25), place(&linear, 0.75), "looped backwards");
+        assert_eq!(place(&linear, f64::NAN), DVec3::X);
+    }
+
+    #[test]
+    fn a_single_key_holds_forever() {
+        for interpolation in [Interpolation::Step, Interpolation::Linear] {
+            let scene = driven(channel(interpolation, &[0.0], ChannelValues::Scale(vec![DVec3::splat(3.0)])));
+            assert_eq!([-1.0, 0.0, 7.0].map(|t| scene.pose(t).instances[0].matrix3.determinant()), [27.0; 3]);
+        }
+        let values = ChannelValues::Translation(vec![DVec3::ONE, DVec3::X, DVec3::ONE]);
+        assert_eq!(place(&driven(channel(Interpolation::CubicSpline, &[1.0], values)), 9.0), DVec3::X);
+    }
+
+    /// A cubic Hermite spline whose tangents are the derivatives of a cubic polynomial is that polynomial.
+    #[test]
+    fn a_spline_reproduces_a_cubic_polynomial() {
+        let p = |t: f64| DVec3::new(t * t * t - 2.0 * t, 0.5 * t * t, 3.0 - t);
+        let slope = |t: f64| DVec3::new(3.0 * t * t - 2.0, t, -1.0);
+        let times = [0.0, 0.5, 2.0];
+        let values = times.iter().flat_map(|&t| [slope(t), p(t), slope(t)]).collect();
+        let scene = driven(channel(Interpolation::CubicSpline, &times, ChannelValues::Translation(values)));
+        for i in 0..200 {
+            let t = f64::from(i) * 0.01;
+            // A few dozen roundings of 2^-53 on values below 10.
+            assert!((place(&scene, t) - p(t)).length() < 1e-13, "at {t}");
+        }
+        assert!((place(&scene, 1.0) - p(1.01)).length() > 1e-3, "the comparison sees a hundredth of a second");
+    }
+
+    #[test]
+    fn rotations_take_the_shorter_arc_at_constant_speed() {
+        for (angle, sign) in [(1.0, 1.0), (3.0, -1.0), (1e-10, 1.0), (2.0, -1.0)] {
+            let values = vec![DQuat::IDENTITY, DQuat::from_rotation_z(angle) * sign];
+            let scene = driven(channel(Interpolation::Linear, &[0.0, 1.0], ChannelValues::Rotation(values)));
+            for t in [0.0, 0.1, 0.5, 0.9] {
+                let expected = DMat3::from_rotation_z(angle * t);
+                let found = scene.pose(t).instances[0].matrix3;
+                assert!((found.x_axis - expected.x_axis).length() < 1e-14 * (1.0 + angle), "{angle} at {t}");
+            }
+        }
+    }
+
+    #[test]
+    fn opposite_rotations_stay_finite() {
+        let values = vec![DQuat::IDENTITY, DQuat::from_rotation_z(std::f64::consts::PI)];
+        let scene = driven(channel(Interpolation::Linear, &[0.0, 1.0], ChannelValues::Rotation(values)));
+        assert!((scene.pose(0.5).instances[0].matrix3.determinant() - 1.0).abs() < 1e-14);
+        let cancelling = vec![DQuat::IDENTITY * 0.0, DQuat::IDENTITY, -DQuat::IDENTITY * 0.0];
+        let cancelling = [cancelling.clone(), cancelling.iter().map(|&q| -q).collect()].concat();
+        let scene = driven(channel(Interpolation::CubicSpline, &[0.0, 1.0], ChannelValues::Rotation(cancelling)));
+        assert_eq!(scene.pose(0.5).instances[0].matrix3.determinant(), 1.0, "the spline passes through zero");
+    }
+
+    #[test]
+    fn children_follow_their_parents() {
+        let trs = |translation, rotation, scale| LocalTransform::Trs { translation, rotation, scale };
+        let parent = trs(DVec3::X, DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2), DVec3::splat(2.0));
+        let child = trs(DVec3::X, DQuat::IDENTITY, DVec3::ONE);
+        let node = |parent, local| Node { name: String::new(), parent, local };
+        let scene = Scene {
+            nodes: vec![node(None, parent), node(Some(0), child)],
+            instances: vec![Instance { node: 1, mesh: 0 }],
+            ..Scene::default()
+        };
+        assert!((place(&scene, 0.0) - DVec3::new(1.0, 2.0, 0.0)).length() < 1e-15);
+    }
+
+    #[test]
+    fn lights_and_cameras_ignore_scale_and_survive_none() {
+        for scale in [DVec3::ONE, DVec3::new(1e-200, 3.0, 1e200), DVec3::new(2.0, -1.0, 5.0), DVec3::ZERO] {
+            let local = LocalTransform::Trs { translation: DVec3::ONE, rotation: DQuat::IDENTITY, scale };
+            let scene = Scene {
+                nodes: vec![Node { name: String::new(), parent: None, local }],
+                cameras: vec![Camera { name: String::new(), node: 0, yfov: 1.0 }],
+                lights: vec![Light {
+                    name: String::new(),
+                    node: 0,
+                    kind: LightKind::Directional,
+                    color: Vec3::ONE,
+                    intensity: 1.0,
+                    range: None,
+                }],
+                ..Scene::default()
+            };
+            let pose = scene.pose(0.0);
+            assert_eq!(pose.lights[0].direction, DVec3::NEG_Z, "{scale}");
+            let rotation = pose.cameras[0].rotation;
+            assert!((rotation * DVec3::NEG_Z - DVec3::NEG_Z).length() < 1e-15, "{scale}");
+            assert!((rotation.length() - 1.0).abs() < 1e-15, "{scale}");
+        }
+    }
+
+    #[test]
+    fn bounds_contain_rotated_meshes() {
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::splat(100.0)],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        };
+        let mut scene = Scene {
+            meshes: vec![mesh],
+            ..driven(channel(Interpolation::Step, &[0.0], ChannelValues::Scale(vec![DVec3::ONE])))
+        };
+        scene.nodes[0].local = LocalTransform::Matrix(DAffine3::from_rotation_z(std::f64::consts::FRAC_PI_2));
+        let (low, high) = scene.bounds(&scene.pose(0.0)).unwrap();
+        assert!((low - DVec3::NEG_X).length() < 1e-15 && (high - DVec3::Y).length() < 1e-15, "{low} {high}");
+        scene.meshes[0].triangles.clear();
+        assert_eq!(scene.bounds(&scene.pose(0.0)), None);
+    }
+}

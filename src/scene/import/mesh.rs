@@ -98,14 +98,15 @@ impl Part<'_> {
             return Ok(None);
         };
         let count = accessor::count(document, position, place)?;
-        let triangles = self.triangles(mode, count, notices)?;
+        let positions = self.read(&Semantic::Positions, Encoding::Quantized, count)?;
+        let triangles = self.triangles(mode, positions.len(), notices)?;
         if triangles.is_empty() {
             return Ok(None);
         }
         let has_uvs = [0, 1].map(|set| self.attribute(&Semantic::TexCoords(set)).is_some());
         let index = self.primitive.material.map(|material| material.value());
         let material = materials.get(index, has_uvs, place)?;
-        let mut mesh = self.vertices(count, materials.material(material))?;
+        let mut mesh = self.vertices(positions, count, materials.material(material))?;
         mesh.triangle_materials = vec![material; triangles.len()];
         mesh.triangles = triangles;
         self.complete(geometry::compact(mesh), materials.material(material), notices).map(Some)
@@ -128,8 +129,7 @@ impl Part<'_> {
         accessor::read_floats(self.document, index, encoding, &place)
     }
 
-    fn vertices(&self, count: u64, material: &Material) -> Result<Mesh> {
-        let positions = self.read(&Semantic::Positions, Encoding::Quantized, count)?;
+    fn vertices(&self, positions: Vec<[f32; 3]>, count: u64, material: &Material) -> Result<Mesh> {
         let normals = self.read(&Semantic::Normals, Encoding::Normalized, count)?;
         let wants_tangents = material.normal_texture.is_some() && !normals.is_empty();
         let tangents = match wants_tangents {
@@ -188,15 +188,13 @@ impl Part<'_> {
     }
 
     /// The primitive as a list of triangles (section 3.7.2.1), all indices below `count`.
-    fn triangles(&self, mode: Mode, count: u64, notices: &mut Vec<String>) -> Result<Vec<[u32; 3]>> {
+    fn triangles(&self, mode: Mode, count: usize, notices: &mut Vec<String>) -> Result<Vec<[u32; 3]>> {
         let place = self.place;
         let Some(indices) = self.primitive.indices else {
-            // The positions are about to be read: their buffer bounds the count, but not yet.
-            self.document.spend(usize::try_from(count).unwrap_or(usize::MAX))?;
-            return Ok(assemble(mode, count as usize, |corner| corner as u32));
+            return Ok(assemble(mode, count, |corner| corner as u32));
         };
         let indices = accessor::read_indices(self.document, indices.value(), &format!("{place}, indices"))?;
-        if let Some(&index) = indices.iter().find(|&&index| u64::from(index) >= count) {
+        if let Some(&index) = indices.iter().find(|&&index| index as usize >= count) {
             let message = format!("{place} has index {index}, but {count} vertices: export it again");
             return Err(self.document.bad(message));
         }

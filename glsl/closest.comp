@@ -1,0 +1,27 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+// The closest hit of each of a list of rays, one thread a ray.
+#include "types.glsl"
+
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, std430) readonly buffer NodesBlock { uvec4 data[]; } nodes;
+layout(set = 0, binding = 1, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
+layout(set = 0, binding = 2, std430) readonly buffer RestBlock { float data[]; } rest;
+layout(set = 0, binding = 3, std430) readonly buffer InstancesBlock { Instance data[]; } instances;
+// Two a ray, camera-relative: (origin, tmax), (direction, unused).
+layout(set = 0, binding = 4, std430) readonly buffer RaysBlock { vec4 data[]; } rays;
+layout(set = 0, binding = 5, std430) writeonly buffer HitInstancesBlock { uint data[]; } hit_instances;
+layout(set = 0, binding = 6, std430) writeonly buffer HitsBlock { Hit data[]; } hits;
+layout(push_constant) uniform Push { uint count; } push;
+
+#include "traverse.glsl"
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= push.count) return;
+    vec4 origin = rays.data[2u * i];
+    Intersection found = traverse(origin.xyz, rays.data[2u * i + 1u].xyz, origin.w);
+    hit_instances.data[i] = found.instance;
+    hits.data[i] = Hit(found.primitive, found.u, found.v, found.t);
+}

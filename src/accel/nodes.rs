@@ -1,0 +1,100 @@
+//! The planes of compressed nodes, encoded so that they are conservative, which obvhs's own are not always: it finds a
+//! node's exponent by a rounded logarithm and clamps what then does not fit, which can leave a box short of its content by a
+//! few units in the last place, and by more when exponents are large.
+
+use obvhs::cwbvh::node::CwBvhNode;
+
+use super::Bounds;
+
+/// Biased exponent below which no plane distance goes (2^-60 m): the traversal's products stay out of the denormal range,
+/// which GPUs flush to zero.
+const LEAST_EXPONENT: i32 = 127 - 60;
+
+/// What walking a tree tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Extent {
+    /// Of everything below.
+    pub bounds: Bounds,
+    /// Levels of nodes, 1 for a lone root.
+    pub depth: u32,
+}
+
+/// Encodes the planes of all nodes anew from the boxes of the primitives (`boxes[order[slot]]` is the box of a slot), from
+/// the leaves up: the children of a node come after it. Returns the root's extent, or `None` without a node.
+pub(super) fn encode_planes(nodes: &mut [CwBvhNode], order: &[u32], boxes: &[Bounds]) -> Option<Extent> {
+    let mut extents = vec![Extent { bounds: Bounds::EMPTY, depth: 0 }; nodes.len()];
+    for (i, node) in nodes.iter_mut().enumerate().rev() {
+        let children = std::array::from_fn(|slot| child_extent(node, slot, &extents, order, boxes));
+        extents[i] = encode_node(node, &children);
+    }
+    extents.first().copied()
+}
+
+fn child_extent(node: &CwBvhNode, slot: usize, extents: &[Extent], order: &[u32], boxes: &[Bounds]) -> Option<Extent> {
+    if node.is_child_empty(slot) {
+        return None;
+    }
+    if !node.is_leaf(slot) {
+        return extents.get(node.child_node_index(slot) as usize).copied();
+    }
+    let (first, count) = node.child_primitives(slot);
+    let primitives = order[first as usize..(first + count) as usize].iter();
+    let bounds = primitives.fold(Bounds::EMPTY, |all, &p| all.union(boxes[p as usize]));
+    Some(Extent { bounds, depth: 0 })
+}
+
+fn encode_node(node: &mut CwBvhNode, children: &[Option<Extent>; 8]) -> Extent {
+    let present = children.iter().flatten();
+    let bounds = present.clone().fold(Bounds::EMPTY, |all, c| all.union(c.bounds));
+    let depth = 1 + present.map(|c| c.depth).max().unwrap_or(0);
+    if bounds.is_empty() {
+        return Extent { bounds, depth };
+    }
+    node.p = bounds.min;
+    let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    for axis in 0..3 {
+        let exponent = exponent_for(max[axis] - min[axis]);
+        node.e[axis] = exponent as u8;
+        let step = f64::from(f32::from_bits((exponent as u32) << 23));
+        let (lower, upper) = match axis {
+            0 => (&mut node.child_min_x, &mut node.child_max_x),
+            1 => (&mut node.child_min_y, &mut node.child_max_y),
+            _ => (&mut node.child_min_z, &mut node.child_max_z),
+        };
+        for (slot, child) in children.iter().enumerate() {
+            let Some(child) = child else { continue };
+            // Differences of f32 in f64, scaled by a power of two: exact unless their exponents are 2^29 apart, and then
+            // wrong by 2^-53, which the tolerance of the box test swallows a hundred million times.
+            lower[slot] = ((f64::from(child.bounds.min[axis]) - min[axis]) / step).floor() as u8;
+            upper[slot] = ((f64::from(child.bounds.max[axis]) - min[axis]) / step).ceil() as u8;
+        }
+    }
+    Extent { bounds, depth }
+}
+
+/// The biased f32 exponent of the least power of two of which 255 cover `extent`.
+fn exponent_for(extent: f64) -> i32 {
+    let bits = (extent / 255.0).to_bits();
+    // Rounding up to a power of two: the exponent alone if no bit of the fraction is set.
+    let unbiased = (bits >> 52) as i32 - 1023 + i32::from(bits & ((1 << 52) - 1) != 0);
+    // The quotient was rounded: when it fell on a power of two from above, 255 steps are short by 2^-53 of themselves.
+    let short = 255.0 * f64::powi(2.0, unbiased.max(-200)) < extent;
+    (unbiased + i32::from(short) + 127).clamp(LEAST_EXPONENT, 254)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponents_cover_and_are_least() {
+        for k in [-50, -3, 0, 7, 40] {
+            let step = f64::powi(2.0, k);
+            assert_eq!(exponent_for(255.0 * step), 127 + k);
+            assert_eq!(exponent_for(255.0 * step * (1.0 + 1e-15)), 128 + k);
+            assert_eq!(exponent_for(127.6 * step), 127 + k);
+        }
+        assert_eq!(exponent_for(0.0), LEAST_EXPONENT);
+        assert_eq!(exponent_for(1e-30), LEAST_EXPONENT);
+    }
+}

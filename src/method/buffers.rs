@@ -1,0 +1,162 @@
+//! The device memory of a renderer, and what each of two alternating frames binds of it.
+
+use super::SLOTS;
+use super::storage::Storage;
+use crate::Result;
+use crate::gpu::buffer::check_range;
+use crate::gpu::{Buffer, Context, Image, ImageDesc, Place, Range, Resource};
+use crate::phase::{AovResources, FrameResources};
+use crate::settings::{Aov, Method, Settings};
+use crate::shaders::{Counters, Frame, Instance, Light};
+use ash::vk;
+
+/// Buffers and images whose size depends on the frame's.
+#[derive(Debug)]
+pub struct FrameBuffers {
+    storage: Storage,
+    size: [u32; 2],
+    stable: bool,
+    /// Claims, found, lit, shaded and film: see [`super::storage`].
+    shared: Buffer,
+    film: Option<Buffer>,
+    caches: Vec<Buffer>,
+    ages: Vec<Buffer>,
+    counters: Buffer,
+    masks: Buffer,
+    plan: Buffer,
+    tiles: Buffer,
+    offsets: Buffer,
+    frame: Buffer,
+    instances: Buffer,
+    lights: Buffer,
+    /// The frame.
+    pub color: Image,
+    /// All of [`Aov::ALL`], or none.
+    pub aovs: Vec<Image>,
+}
+
+impl FrameBuffers {
+    /// Allocates everything; the counters and images start cleared.
+    ///
+    /// # Errors
+    /// [`crate::Error::TooLarge`] and [`crate::Error::OutOfMemory`] with what to lower.
+    pub fn new(
+        context: &Context,
+        settings: &Settings,
+        storage: &Storage,
+        instances: usize,
+        lights: usize,
+    ) -> Result<Self> {
+        let make = |purpose: &str, size: u64| {
+            check_range(context, purpose, size, "lower --size, --density or --tolerance")?;
+            Buffer::new(context, purpose, size, Place::Device)
+        };
+        let many = |purpose: &str, size: u64, count: u64| (0..count).map(|_| make(purpose, size)).collect();
+        let buffers = Self {
+            storage: *storage,
+            size: settings.size,
+            stable: settings.method == Method::Stable,
+            shared: Buffer::new(context, "claims; then rays, shading, film", storage.shared, Place::Device)?,
+            film: if storage.own_film { Some(make("film", storage.film)?) } else { None },
+            caches: many("sample caches", storage.samples, storage.caches)?,
+            ages: many("sample ages", storage.ages, if storage.ages > 0 { storage.caches } else { 0 })?,
+            counters: make("counters", size_of::<Counters>() as u64)?,
+            masks: make("masks and plan", storage.masks)?,
+            plan: make("masks and plan", storage.masks)?,
+            tiles: make("offsets", storage.tile_sums)?,
+            offsets: make("offsets", storage.offsets)?,
+            frame: make("frame constants", size_of::<Frame>() as u64)?,
+            instances: make("instances", (instances * size_of::<Instance>()) as u64)?,
+            lights: make("lights", (lights * size_of::<Light>()) as u64)?,
+            color: color_image(context, settings)?,
+            aovs: aov_images(context, settings)?,
+        };
+        for part in [storage.claims, storage.found, storage.lit, storage.shaded, storage.film] {
+            check_range(context, "a frame's work memory", part, "lower --size, --density or --tolerance")?;
+        }
+        buffers.counters.upload(context, 0, bytemuck::bytes_of(&first_counters(storage, buffers.stable)))?;
+        Ok(buffers)
+    }
+
+    /// What the frames of a slot bind: the caches swap roles from one to the other.
+    pub fn resources(&self, slot: usize) -> FrameResources {
+        let shared = |name, offset, size: u64| {
+            let size = size.max(16);
+            Range { name, offset, size, ..Range::whole(name, &self.shared) }
+        };
+        let s = &self.storage;
+        let cache = |name, slot: usize| Range::whole(name, &self.caches[slot % self.caches.len()]);
+        let ages = |name, slot: usize| self.ages.get(slot).map(|buffer| Range::whole(name, buffer));
+        FrameResources {
+            size: self.size,
+            frame: Range::whole("frame", &self.frame),
+            instances: Range::whole("instances", &self.instances),
+            lights: Range::whole("lights", &self.lights),
+            counters: Range::whole("counters", &self.counters),
+            previous: cache("previous samples", SLOTS - 1 - slot),
+            samples: cache("samples", slot),
+            previous_ages: ages("previous ages", SLOTS - 1 - slot),
+            ages: ages("ages", slot),
+            claims: shared("claims", 0, s.claims),
+            masks: Range::whole("masks", &self.masks),
+            plan: Range::whole("plan", &self.plan),
+            tiles: Range::whole("tiles", &self.tiles),
+            offsets: Range::whole("offsets", &self.offsets),
+            found: shared("found", 0, s.found),
+            lit: shared("lit", s.found, s.lit),
+            shaded: shared("shaded", s.shaded_offset, s.shaded),
+            film: self.film.as_ref().map_or_else(|| shared("film", 0, s.film), |film| Range::whole("film", film)),
+            color: Resource::storage("color", &self.color),
+            aovs: self.aov_resources(),
+        }
+    }
+
+    fn aov_resources(&self) -> Option<AovResources> {
+        let image = |aov: Aov| {
+            let index = Aov::ALL.iter().position(|a| *a == aov)?;
+            Some(Resource::storage(aov.name(), self.aovs.get(index)?))
+        };
+        Some(AovResources {
+            depth: image(Aov::Depth)?,
+            motion: image(Aov::Motion)?,
+            density: image(Aov::Density)?,
+            age: image(Aov::Age)?,
+        })
+    }
+}
+
+/// An empty cache; or, where every pixel has the same samples, the full list with its dispatch.
+fn first_counters(storage: &Storage, stable: bool) -> Counters {
+    if stable {
+        return Counters { trace_z: 1, trace_y: 1, ..Counters::default() };
+    }
+    let groups = storage.capacity.div_ceil(64) as u32;
+    Counters {
+        trace_x: groups.min(32768),
+        trace_y: groups.div_ceil(32768),
+        trace_z: 1,
+        samples: storage.capacity as u32,
+        ..Counters::default()
+    }
+}
+
+fn color_image(context: &Context, settings: &Settings) -> Result<Image> {
+    let format =
+        if settings.float_output { vk::Format::R32G32B32A32_SFLOAT } else { vk::Format::R16G16B16A16_SFLOAT };
+    storage_image(context, settings, "colour image", format)
+}
+
+fn aov_images(context: &Context, settings: &Settings) -> Result<Vec<Image>> {
+    if settings.aovs.is_empty() {
+        return Ok(Vec::new());
+    }
+    Aov::ALL.iter().map(|aov| storage_image(context, settings, "AOV images", aov.format())).collect()
+}
+
+fn storage_image(context: &Context, settings: &Settings, purpose: &str, format: vk::Format) -> Result<Image> {
+    let usage = vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::SAMPLED;
+    let desc = ImageDesc { format, extent: settings.size, layers: 1, array: false, usage };
+    let image = Image::new(context, purpose, desc)?;
+    image.clear(context)?;
+    Ok(image)
+}

@@ -1,0 +1,140 @@
+//! What the host computes for a frame: everything in f64 relative to the camera, rounded once.
+
+use super::storage::Storage;
+use crate::settings::{Method, Settings};
+use crate::scene::{Environment, Light, LightKind, LightPose, View};
+use crate::shaders;
+use glam::{DQuat, DVec3};
+
+/// What goes into [`shaders::Frame`] besides the settings.
+#[derive(Debug, Clone, Copy)]
+pub struct Moment {
+    /// Where the frame is seen from.
+    pub view: View,
+    /// Where the last frame was seen from.
+    pub previous: View,
+    /// Frames since the last reset.
+    pub frame: u32,
+    /// The first frame, or one after a camera cut.
+    pub reset: bool,
+    /// Nothing has moved for two frames.
+    pub settled: bool,
+    /// Lights in the scene.
+    pub lights: u32,
+    /// Instances in the scene.
+    pub instances: u32,
+}
+
+/// The constants of a frame.
+pub fn frame(
+    settings: &Settings,
+    storage: &Storage,
+    environment: &Environment,
+    moment: &Moment,
+) -> shaders::Frame {
+    let aspect = f64::from(settings.size[0]) / f64::from(settings.size[1]);
+    let [right, up, forward] = axes(&moment.view, aspect, settings.size[1]);
+    let [previous_right, previous_up, previous_forward] = axes(&moment.previous, aspect, settings.size[1]);
+    let varies = settings.method == Method::Reference || (settings.method == Method::Supersample && settings.jitter);
+    let variation = if varies { moment.frame + 1 } else { 0 };
+    let mut flags = 0;
+    if moment.reset {
+        flags |= shaders::FRAME_RESET;
+    }
+    if moment.settled {
+        flags |= shaders::FRAME_SETTLED;
+    }
+    shaders::Frame {
+        right,
+        up,
+        forward,
+        previous_right,
+        previous_up,
+        previous_forward,
+        environment: environment.radiance.extend(0.0).to_array(),
+        size: settings.size,
+        frame: moment.frame,
+        seed: settings.seed,
+        d_target: settings.density,
+        d_tolerance: settings.tolerance,
+        light_count: moment.lights,
+        instance_count: moment.instances,
+        flags,
+        capacity: u32::try_from(storage.capacity).unwrap_or(u32::MAX),
+        occluded_limit: storage.occluded_limit,
+        alpha_seed: variation,
+        spp: settings.spp,
+        jitter: variation,
+        ..Default::default()
+    }
+}
+
+/// Camera axes in world space, with the tangents of half the field of view and the angle of a pixel.
+fn axes(view: &View, aspect: f64, height: u32) -> [[f32; 4]; 3] {
+    let rotation = if view.rotation.length_squared() > 0.0 { view.rotation.normalize() } else { DQuat::IDENTITY };
+    let tangent = (view.yfov * 0.5).tan();
+    let axis = |direction: DVec3, w: f64| (rotation * direction).extend(w).as_vec4().to_array();
+    [
+        axis(DVec3::X, tangent * aspect),
+        axis(DVec3::Y, tangent),
+        axis(DVec3::NEG_Z, 2.0 * tangent / f64::from(height)),
+    ]
+}
+
+/// A light of a frame, relative to the camera.
+pub fn light(light: &Light, pose: &LightPose, camera: DVec3) -> shaders::Light {
+    let (kind, inner, outer) = match light.kind {
+        LightKind::Point => (shaders::LIGHT_POINT, 0.0, std::f32::consts::PI),
+        LightKind::Spot { inner, outer } => (shaders::LIGHT_SPOT, inner, outer),
+        LightKind::Directional => (shaders::LIGHT_DIRECTIONAL, 0.0, std::f32::consts::PI),
+    };
+    // KHR_lights_punctual, "Inner and Outer Cone Angles": its own guard against equal angles.
+    let spot_scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
+    let range = light.range.filter(|r| *r > 0.0 && r.is_finite());
+    shaders::Light {
+        position: (pose.position - camera).as_vec3().to_array(),
+        kind,
+        direction: pose.direction.as_vec3().to_array(),
+        inv_range2: range.map_or(0.0, |r| 1.0 / (r * r)),
+        intensity: (light.color * light.intensity).to_array(),
+        spot_scale,
+        spot_offset: -outer.cos() * spot_scale,
+        ..Default::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view() -> View {
+        View { position: DVec3::ZERO, rotation: DQuat::IDENTITY, yfov: std::f64::consts::FRAC_PI_2 }
+    }
+
+    #[test]
+    fn an_unrotated_camera_looks_along_minus_z() {
+        let [right, up, forward] = axes(&view(), 2.0, 100);
+        assert_eq!(right[..3], [1.0, 0.0, 0.0]);
+        assert_eq!(up[..3], [0.0, 1.0, 0.0]);
+        assert_eq!(forward[..3], [0.0, 0.0, -1.0]);
+        // tan(π/4) is 1 to an ulp of f64, which f32 rounds away.
+        assert_eq!([right[3], up[3], forward[3]], [2.0, 1.0, 0.02]);
+    }
+
+    #[test]
+    fn a_light_is_placed_relative_to_the_camera_in_double_precision() {
+        let far = DVec3::new(1e9, 0.0, 0.0);
+        let lamp = Light {
+            name: String::new(),
+            node: 0,
+            kind: LightKind::Point,
+            color: glam::Vec3::ONE,
+            intensity: 2.0,
+            range: Some(10.0),
+        };
+        let pose = LightPose { position: far + DVec3::new(0.25, 0.5, 1.0), direction: DVec3::NEG_Z };
+        let placed = light(&lamp, &pose, far);
+        assert_eq!(placed.position, [0.25, 0.5, 1.0]);
+        assert_eq!((placed.intensity, placed.inv_range2), ([2.0; 3], 1.0 / 100.0));
+    }
+}

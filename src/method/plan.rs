@@ -1,0 +1,94 @@
+//! The frame of each method, as data.
+
+use crate::gpu::pass::{self, Barrier, Pass, Work};
+use crate::gpu::{Range, Resource};
+use crate::phase::{self, FrameResources, Kit, SceneResources};
+use crate::settings::{Method, Settings};
+use crate::shaders::Access;
+use crate::Result;
+
+/// A frame: passes in order, and the barrier before each.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// What runs.
+    pub passes: Vec<Pass>,
+    /// What it waits for; as long as `passes`.
+    pub barriers: Vec<Option<Barrier>>,
+}
+
+/// What goes in before the first phase and comes out after the last.
+#[derive(Debug, Clone)]
+pub struct Transfers {
+    /// From the host's ring to device buffers.
+    pub uploads: Vec<(Range, Range)>,
+    /// The counters to a buffer that the host reads.
+    pub readback: Range,
+}
+
+/// The part of the counters that starts at zero in every frame; what precedes it is carried from the last one.
+fn tallies(counters: Range) -> Range {
+    let offset = std::mem::offset_of!(crate::shaders::Counters, reused) as u64;
+    Range { name: "tallies", offset: counters.offset + offset, size: counters.size - offset, ..counters }
+}
+
+/// The passes of a method's frame.
+///
+/// # Errors
+/// [`crate::Error::Vulkan`] if a pipeline cannot be made.
+pub fn plan(
+    kit: &Kit,
+    settings: &Settings,
+    f: &FrameResources,
+    s: &SceneResources,
+    transfers: &Transfers,
+) -> Result<Plan> {
+    let stable = settings.method == Method::Stable;
+    let uploads = transfers.uploads.iter();
+    let mut passes: Vec<Pass> = uploads.map(|(from, to)| Pass::copy("upload", *from, *to)).collect();
+    passes.push(Pass::fill("upload", tallies(f.counters), 0));
+    if stable {
+        passes.extend(phase::reproject::passes(kit, f)?);
+        passes.push(phase::analyze::pass(kit, f)?);
+        passes.extend(phase::list::passes(kit, f)?);
+    } else {
+        passes.push(phase::generate::pass(kit, f)?);
+    }
+    passes.push(phase::verify::pass(kit, f, s)?);
+    if stable {
+        passes.push(phase::retain::pass(kit, f, s)?);
+    }
+    passes.push(phase::shadow::pass(kit, f, s)?);
+    passes.push(phase::shade::pass(kit, f, s)?);
+    passes.push(phase::reconstruct::pass(kit, f, settings.method == Method::Reference)?);
+    passes.push(phase::resolve::pass(kit, f, settings.float_output)?);
+    if let Some(images) = &f.aovs {
+        passes.push(phase::aov::pass(kit, f, images, stable)?);
+    }
+    passes.push(Pass::copy("readback", f.counters, transfers.readback));
+    let barriers = pass::barriers(&passes);
+    Ok(Plan { passes, barriers })
+}
+
+/// The plan in words: a line a pass with what it reads and writes, and the barriers between.
+pub fn describe(plan: &Plan) -> String {
+    let mut text = String::new();
+    for (pass, barrier) in plan.passes.iter().zip(&plan.barriers) {
+        if barrier.is_some() {
+            text.push_str("  -- barrier --\n");
+        }
+        let what = match &pass.work {
+            Work::Dispatch { pipeline, .. } => pipeline.shader.name,
+            Work::Fill(..) => "fill",
+            Work::Copy(..) => "copy",
+        };
+        let (reads, writes) = (names(pass, Access::Write), names(pass, Access::Read));
+        text.push_str(&format!("{:<12} {what:<24} reads {reads:<60} writes {writes}\n", pass.label));
+    }
+    text
+}
+
+/// Names of what a pass touches in another way than only by `not`.
+fn names(pass: &Pass, not: Access) -> String {
+    let used = pass.uses.iter().filter(|(_, access)| *access != not).map(|(r, _): &(Resource, Access)| r.name());
+    used.collect::<Vec<_>>().join(", ")
+}

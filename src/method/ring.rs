@@ -1,0 +1,80 @@
+//! What the host hands the device every frame, and what it gets back: mapped memory, a slot a frame in flight.
+
+use super::SLOTS;
+use super::plan::Transfers;
+use crate::Result;
+use crate::accel::Node;
+use crate::gpu::{Buffer, Context, Place, Range};
+use crate::phase::FrameResources;
+use crate::resident::ResidentScene;
+use crate::shaders::{Counters, Frame, Instance, Light};
+
+/// A slot holds the frame's constants, instances, lights and top level, in this order.
+#[derive(Debug)]
+pub struct Ring {
+    up: Vec<Buffer>,
+    down: Vec<Buffer>,
+    instances: u64,
+    lights: u64,
+    top_level: u64,
+}
+
+impl Ring {
+    /// For the instances and lights of this scene.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn new(context: &Context, scene: &ResidentScene) -> Result<Self> {
+        let after = |offset: u64, bytes: usize| (offset + bytes as u64).next_multiple_of(16);
+        let instances = after(0, size_of::<Frame>());
+        let lights = after(instances, scene.instance_count() * size_of::<Instance>());
+        let top_level = after(lights, scene.light_count() * size_of::<Light>());
+        let size = top_level + scene.top_level().size;
+        let up = || Buffer::new(context, "upload ring", size, Place::Upload);
+        let down = || Buffer::new(context, "read-back ring", size_of::<Counters>() as u64, Place::Readback);
+        Ok(Self {
+            up: (0..SLOTS).map(|_| up()).collect::<Result<_>>()?,
+            down: (0..SLOTS).map(|_| down()).collect::<Result<_>>()?,
+            instances,
+            lights,
+            top_level,
+        })
+    }
+
+    /// The copies of a slot's frame.
+    pub fn transfers(&self, slot: usize, f: &FrameResources, scene: &ResidentScene) -> Transfers {
+        let from = |offset, size| Range { offset, size, ..Range::whole("upload ring", &self.up[slot]) };
+        let sized = |range: Range, count: usize, each: usize| Range { size: (count * each) as u64, ..range };
+        let instances = sized(f.instances, scene.instance_count(), size_of::<Instance>());
+        let lights = sized(f.lights, scene.light_count(), size_of::<Light>());
+        let all = [(0, f.frame), (self.instances, instances), (self.lights, lights), (self.top_level, scene.top_level())];
+        // Vulkan has no empty copies.
+        let uploads = all.into_iter().filter(|(_, to)| to.size > 0).map(|(at, to)| (from(at, to.size), to));
+        Transfers { uploads: uploads.collect(), readback: Range::whole("read-back ring", &self.down[slot]) }
+    }
+
+    /// Writes the constants of a frame.
+    pub fn write_frame(&mut self, slot: usize, frame: &Frame) {
+        self.up[slot].write(0, bytemuck::bytes_of(frame));
+    }
+
+    /// Writes all instances.
+    pub fn write_instances(&mut self, slot: usize, instances: &[Instance]) {
+        self.up[slot].write(self.instances, bytemuck::cast_slice(instances));
+    }
+
+    /// Writes all lights.
+    pub fn write_lights(&mut self, slot: usize, lights: &[Light]) {
+        self.up[slot].write(self.lights, bytemuck::cast_slice(lights));
+    }
+
+    /// Writes the top level, at most as many nodes as the scene reserves.
+    pub fn write_top_level(&mut self, slot: usize, nodes: &[Node]) {
+        self.up[slot].write(self.top_level, bytemuck::cast_slice(nodes));
+    }
+
+    /// The counters of the slot's last frame.
+    pub fn counters(&self, slot: usize) -> Option<Counters> {
+        self.down[slot].bytes().get(..size_of::<Counters>()).map(bytemuck::pod_read_unaligned)
+    }
+}

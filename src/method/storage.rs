@@ -1,0 +1,128 @@
+//! How much memory a frame needs, as one pure function: sizes, and which buffers may share bytes.
+//!
+//! What is alive when (a column a phase, `=` alive):
+//!
+//! ```text
+//!            reproject analyze list verify retain shadow shade reconstruct resolve next frame
+//! samples A  =====================                                                  (in turn)
+//! samples B                    =======================================================
+//! claims     ====================
+//! found                             ======================
+//! lit                                              ========
+//! shaded                                                 ===============
+//! film                                                         ==============
+//! ```
+//!
+//! So `found`, `lit` and `shaded` live where the claims were, and the film where `found` and `lit` were (but for
+//! `reference`, whose film is carried from frame to frame).
+
+use crate::settings::{Aov, Method, Settings};
+use crate::shaders::{Found, Sample, Shaded};
+
+/// Sizes in bytes of everything that belongs to a renderer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Storage {
+    /// Pixels of a frame.
+    pub pixels: u64,
+    /// Tiles of 8 × 8 pixels.
+    pub tiles: u64,
+    /// Samples that a cache holds.
+    pub capacity: u64,
+    /// Occluded samples that the analysis leaves in a pixel.
+    pub occluded_limit: u32,
+    /// One cache.
+    pub samples: u64,
+    /// Caches: two that alternate, or one.
+    pub caches: u64,
+    /// Ages of one cache, 0 if not asked for.
+    pub ages: u64,
+    /// Claims, 0 if samples are not reprojected.
+    pub claims: u64,
+    /// Masks, and as much again for the plan; 0 if samples are not reprojected.
+    pub masks: u64,
+    /// Prefix sums over tiles.
+    pub tile_sums: u64,
+    /// First sample of each pixel.
+    pub offsets: u64,
+    /// What the rays found.
+    pub found: u64,
+    /// Lights that reach each sample.
+    pub lit: u64,
+    /// Shaded samples.
+    pub shaded: u64,
+    /// Weighted sums of the reconstruction.
+    pub film: u64,
+    /// Where `shaded` begins in the shared memory.
+    pub shaded_offset: u64,
+    /// Bytes shared by claims, found, lit, shaded and film.
+    pub shared: u64,
+    /// Whether the film has memory of its own.
+    pub own_film: bool,
+}
+
+/// Ranges of one buffer start at multiples of this: the largest `minStorageBufferOffsetAlignment` that Vulkan allows.
+pub const ALIGNMENT: u64 = 256;
+
+impl Storage {
+    /// For these settings.
+    pub fn new(settings: &Settings) -> Self {
+        let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
+        let tiles = u64::from(settings.size[0].div_ceil(8)) * u64::from(settings.size[1].div_ceil(8));
+        let stable = settings.method == Method::Stable;
+        let capacity = if stable { stable_capacity(settings, pixels) } else { pixels * u64::from(settings.spp) };
+        let own_film = settings.method == Method::Reference;
+        let found = (capacity * size_of::<Found>() as u64).next_multiple_of(ALIGNMENT);
+        let lit = (capacity * 4).next_multiple_of(ALIGNMENT);
+        let shaded = (capacity * size_of::<Shaded>() as u64).next_multiple_of(ALIGNMENT);
+        let film = (pixels * 16).next_multiple_of(ALIGNMENT);
+        let claims = if stable { pixels * 64 } else { 0 };
+        let shaded_offset = (found + lit).max(if own_film { 0 } else { film });
+        Self {
+            pixels,
+            tiles,
+            capacity,
+            occluded_limit: occluded_limit(settings.density),
+            samples: capacity * size_of::<Sample>() as u64,
+            caches: if stable { 2 } else { 1 },
+            ages: if stable && settings.aovs.contains(&Aov::Age) { capacity * 4 } else { 0 },
+            claims,
+            masks: if stable { pixels * 4 } else { 0 },
+            tile_sums: if stable { tiles * 4 } else { 0 },
+            offsets: (pixels + 1) * 4,
+            found,
+            lit,
+            shaded,
+            film,
+            shaded_offset,
+            shared: claims.max(shaded_offset + shaded),
+            own_film,
+        }
+    }
+}
+
+/// Room for the density aimed at and a quarter more for occluded samples, and for the tolerated excess up to once the
+/// density. Where a frame asks for more, every pixel gives up an equal part (`glsl/include/thin.glsl`).
+fn stable_capacity(settings: &Settings, pixels: u64) -> u64 {
+    let density = f64::from(settings.density);
+    let most = (1.25 * density + f64::from(settings.tolerance).min(density)).min(16.0);
+    // Small frames have few pixels to share what one of them needs.
+    ((pixels as f64 * most).ceil() as u64).max(1024.min(pixels * 16))
+}
+
+/// Occluded samples come back into view near silhouettes; one for each sample aimed at is plenty there.
+fn occluded_limit(density: f32) -> u32 {
+    (density.ceil() as u32).clamp(1, 8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_at_density_one_costs_less_than_200_bytes() {
+        let s = Storage::new(&Settings { size: [1920, 1080], ..Settings::default() });
+        let image = 8 * s.pixels; // half-float colour
+        let total = 2 * s.samples + s.shared + 2 * s.masks + s.tile_sums + s.offsets + image;
+        assert!(total < 200 * s.pixels, "{} bytes a pixel", total as f64 / s.pixels as f64);
+    }
+}

@@ -1,0 +1,41 @@
+//! The dense ray list, which paper 1 (section 7) leaves to future work: a prefix sum over what the tiles keep, then
+//! every pixel writes its samples where the list has room for them. No lane of the traces that follow is idle.
+
+use super::{FrameResources, Kit, b};
+use crate::Result;
+use crate::gpu::{Pass, Threads};
+use crate::shaders::{gather, gather_age, scan};
+
+/// Prefix sum, then gathering.
+///
+/// # Errors
+/// [`crate::Error::Vulkan`] if a pipeline cannot be made.
+pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
+    let [width, height] = f.size;
+    let push = scan::Push { tile_count: width.div_ceil(8) * height.div_ceil(8) };
+    let bindings = scan::Bindings { frame: b(f.frame), tiles: b(f.tiles), counters: b(f.counters) };
+    let one_group = Threads::Exactly(scan::SHADER.local_size);
+    let sum = kit.dispatch("list", &scan::SHADER, &bindings.list(), bytemuck::bytes_of(&push), one_group)?;
+    Ok(vec![sum, gather_pass(kit, f)?])
+}
+
+fn gather_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
+    let mut list = gather::Bindings {
+        frame: b(f.frame),
+        claims: b(f.claims),
+        masks: b(f.masks),
+        plan: b(f.plan),
+        tiles: b(f.tiles),
+        counters: b(f.counters),
+        previous: b(f.previous),
+        samples: b(f.samples),
+        offsets: b(f.offsets),
+    }
+    .list();
+    let mut shader = &gather::SHADER;
+    if let (Some(previous), Some(ages)) = (f.previous_ages, f.ages) {
+        list.extend([b(previous), b(ages)]);
+        shader = &gather_age::SHADER;
+    }
+    kit.dispatch("list", shader, &list, &[], f.pixels())
+}

@@ -1,0 +1,175 @@
+//! One file a phase: its shader, what it binds, how many threads it has. What a phase reads and writes is reflected from
+//! the shader; barriers follow from it ([`crate::gpu::pass`]).
+//!
+//! | phase | paper 1 | a thread | reads | writes |
+//! | --- | --- | --- | --- | --- |
+//! | [`reproject`] | 4.1 | sample of the last frame | samples, instances | claims, masks |
+//! | [`analyze`] | 4.2 | pixel | masks | plan, tiles |
+//! | [`list`]: `scan`, `gather` | 7 (left to future work) | tile; pixel | plan, claims, samples of the last frame | samples, offsets |
+//! | [`generate`] | 6 (supersampling) | pixel | | samples, offsets |
+//! | [`verify`] | 4.3 | sample | samples, geometry | found, samples |
+//! | [`retain`] | 4.3 | pixel | found | found, samples |
+//! | [`shadow`] | 4.3 | sample | found, geometry, lights | lit |
+//! | [`shade`] | 4.3 | sample | found, lit, materials, lights | shaded |
+//! | [`reconstruct`] | 4.4 | pixel | shaded, offsets | film |
+//! | [`resolve`] | | pixel | film | colour image |
+//! | [`aov`] | figure 4 | pixel | shaded, masks, plan | images |
+
+pub mod analyze;
+pub mod aov;
+pub mod generate;
+pub mod list;
+pub mod reconstruct;
+pub mod reproject;
+pub mod resolve;
+pub mod retain;
+pub mod shade;
+pub mod shadow;
+pub mod verify;
+
+use crate::Result;
+use crate::gpu::{Binder, Context, Pass, Pipeline, Range, Resource, Threads};
+use crate::shaders::Shader;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Makes the passes of a plan; a shader that several plans use is compiled once.
+#[derive(Debug)]
+pub struct Kit {
+    context: Context,
+    binder: Binder,
+    pipelines: RefCell<BTreeMap<&'static str, Arc<Pipeline>>>,
+}
+
+impl Kit {
+    /// For plans of up to `passes` passes in all.
+    ///
+    /// # Errors
+    /// [`crate::Error::Vulkan`].
+    pub fn new(context: &Context, passes: u32) -> Result<Self> {
+        let binder = Binder::new(context, passes, 16)?;
+        Ok(Self { context: context.clone(), binder, pipelines: RefCell::default() })
+    }
+
+    /// A dispatch labelled `label`, with resources in the order of the shader's bindings.
+    ///
+    /// # Errors
+    /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
+    pub fn dispatch(
+        &self,
+        label: &'static str,
+        shader: &'static Shader,
+        resources: &[Resource],
+        push: &[u8],
+        threads: Threads,
+    ) -> Result<Pass> {
+        let known = self.pipelines.borrow().get(shader.name).cloned();
+        let pipeline = match known {
+            Some(pipeline) => pipeline,
+            None => {
+                let made = Arc::new(Pipeline::new(&self.context, shader)?);
+                self.pipelines.borrow_mut().insert(shader.name, made.clone());
+                made
+            }
+        };
+        self.binder.dispatch(label, &pipeline, resources, push, threads)
+    }
+}
+
+/// What the phases of a frame bind. Two of these alternate: `samples` of one is `previous` of the other.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameResources {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// [`crate::shaders::Frame`].
+    pub frame: Range,
+    /// [`crate::shaders::Instance`] each.
+    pub instances: Range,
+    /// [`crate::shaders::Light`] each.
+    pub lights: Range,
+    /// [`crate::shaders::Counters`].
+    pub counters: Range,
+    /// The cache of the last frame: [`crate::shaders::Sample`] each.
+    pub previous: Range,
+    /// The cache of this frame.
+    pub samples: Range,
+    /// Frames that each sample of `previous` has lived, if asked for.
+    pub previous_ages: Option<Range>,
+    /// Frames that each sample of `samples` has lived.
+    pub ages: Option<Range>,
+    /// 16 words a pixel.
+    pub claims: Range,
+    /// A word a pixel: occupancy, and which of it is unoccluded.
+    pub masks: Range,
+    /// A word a pixel: kept and new subpixels.
+    pub plan: Range,
+    /// Samples of each tile, then those before it.
+    pub tiles: Range,
+    /// First sample of each pixel, and the end.
+    pub offsets: Range,
+    /// [`crate::shaders::Found`] each.
+    pub found: Range,
+    /// A word a sample: a bit a light that reaches it.
+    pub lit: Range,
+    /// [`crate::shaders::Shaded`] each.
+    pub shaded: Range,
+    /// Four floats a pixel.
+    pub film: Range,
+    /// The frame.
+    pub color: Resource,
+    /// Images of [`crate::renderer::Aov`], if any is asked for.
+    pub aovs: Option<AovResources>,
+}
+
+/// One image an AOV.
+#[derive(Debug, Clone, Copy)]
+pub struct AovResources {
+    /// R32_SFLOAT.
+    pub depth: Resource,
+    /// R32G32_SFLOAT.
+    pub motion: Resource,
+    /// R32G32B32A32_SFLOAT.
+    pub density: Resource,
+    /// R32_SFLOAT.
+    pub age: Resource,
+}
+
+impl FrameResources {
+    /// A thread a pixel.
+    pub fn pixels(&self) -> Threads {
+        Threads::Exactly([self.size[0], self.size[1], 1])
+    }
+
+    /// A thread a sample of the dense list; before `scan` has run, of the last frame's list.
+    pub fn dense(&self) -> Threads {
+        Threads::Indirect(Range { name: "dispatch arguments", size: 12, ..self.counters })
+    }
+}
+
+/// What the phases bind of a scene.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneResources {
+    /// Compressed nodes: the top level, then every mesh's.
+    pub nodes: Range,
+    /// Triangle corners, 32 of 36 bytes.
+    pub corners: Range,
+    /// The other 4.
+    pub rest: Range,
+    /// [`crate::shaders::Triangle`] each.
+    pub triangles: Range,
+    /// [`crate::shaders::Vertex`] each.
+    pub vertices: Range,
+    /// [`crate::shaders::Material`] each.
+    pub materials: Range,
+    /// All images.
+    pub atlas: Resource,
+    /// 256 floats: sRGB code to linear.
+    pub srgb: Range,
+    /// Whether some material has an alpha mask or blend.
+    pub alpha: bool,
+}
+
+fn b(range: Range) -> Resource {
+    Resource::Buffer(range)
+}

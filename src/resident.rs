@@ -1,0 +1,112 @@
+//! A scene in device memory: what does not change from frame to frame.
+
+use crate::accel::{BvhBuildParams, Geometry};
+use crate::gpu::image::Sampler;
+use crate::gpu::{Buffer, Context, Image, ImageDesc, Range, Resource};
+use crate::phase::SceneResources;
+use crate::progress::Progress;
+use crate::scene::atlas::{self, Atlas};
+use crate::scene::{AlphaMode, Environment, Light, Scene};
+use crate::{Error, Result};
+use ash::vk;
+
+/// Most lights of a scene: a shaded sample keeps one bit for each.
+pub const MAX_LIGHTS: usize = 32;
+
+/// A scene on a device. Renderers of the same context share it.
+#[derive(Debug)]
+pub struct ResidentScene {
+    pub(crate) geometry: Geometry,
+    pub(crate) lights: Vec<Light>,
+    pub(crate) environment: Environment,
+    alpha: bool,
+    nodes: Buffer,
+    corners: Buffer,
+    rest: Buffer,
+    triangles: Buffer,
+    vertices: Buffer,
+    materials: Buffer,
+    srgb: Buffer,
+    atlas: Image,
+    sampler: Sampler,
+}
+
+const FEWER_TRIANGLES: &str = "use a scene with fewer triangles (builtin:hairball takes ?strands=N)";
+
+impl ResidentScene {
+    /// Builds the acceleration structures and uploads everything.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] if a buffer exceeds the device's limit, [`Error::OutOfMemory`], and [`Error::Setting`] for more
+    /// than [`MAX_LIGHTS`] lights.
+    pub fn new(context: &Context, scene: &Scene, progress: &dyn Progress) -> Result<Self> {
+        if scene.lights.len() > MAX_LIGHTS {
+            return Err(Error::Setting {
+                name: "lights",
+                value: scene.lights.len().to_string(),
+                expected: format!("a scene with at most {MAX_LIGHTS} punctual lights"),
+            });
+        }
+        let geometry = Geometry::build(scene, &BvhBuildParams::medium_build(), progress)?;
+        let limits = &context.fit().properties.limits;
+        let pages = Atlas::pack(&scene.images, limits.max_image_dimension2_d, limits.max_image_array_layers)?;
+        let upload = |purpose: &str, bytes: &[u8]| Buffer::with_data(context, purpose, bytes, FEWER_TRIANGLES);
+        let is_open = |m: &crate::scene::Material| m.alpha != AlphaMode::Opaque;
+        Ok(Self {
+            lights: scene.lights.clone(),
+            environment: scene.environment,
+            alpha: scene.materials.iter().any(is_open),
+            nodes: upload("BVH nodes", bytemuck::cast_slice(&geometry.nodes))?,
+            corners: upload("triangle corners", bytemuck::cast_slice(&geometry.triangle_corners))?,
+            rest: upload("triangle corners", bytemuck::cast_slice(&geometry.triangle_rest))?,
+            triangles: upload("triangle indices", bytemuck::cast_slice(&geometry.triangles))?,
+            vertices: upload("vertices", bytemuck::cast_slice(&geometry.vertices))?,
+            materials: upload("materials", bytemuck::cast_slice(&atlas::material_records(scene, &pages)))?,
+            srgb: upload("sRGB table", bytemuck::cast_slice(&atlas::srgb_table()))?,
+            atlas: upload_atlas(context, &pages)?,
+            sampler: Sampler::new(context)?,
+            geometry,
+        })
+    }
+
+    pub(crate) fn resources(&self) -> SceneResources {
+        SceneResources {
+            nodes: Range::whole("nodes", &self.nodes),
+            corners: Range::whole("corners", &self.corners),
+            rest: Range::whole("rest", &self.rest),
+            triangles: Range::whole("triangles", &self.triangles),
+            vertices: Range::whole("vertices", &self.vertices),
+            materials: Range::whole("materials", &self.materials),
+            atlas: Resource::Sampled("atlas", self.atlas.view(), self.sampler.raw()),
+            srgb: Range::whole("srgb", &self.srgb),
+            alpha: self.alpha,
+        }
+    }
+
+    pub(crate) fn instance_count(&self) -> usize {
+        self.geometry.instance_meshes.len()
+    }
+
+    pub(crate) fn light_count(&self) -> usize {
+        self.lights.len()
+    }
+
+    /// Where the top level goes: the start of the node buffer.
+    pub(crate) fn top_level(&self) -> Range {
+        let size = 80 * u64::from(self.geometry.tlas_capacity);
+        Range { name: "top level", size, ..Range::whole("nodes", &self.nodes) }
+    }
+}
+
+fn upload_atlas(context: &Context, pages: &Atlas) -> Result<Image> {
+    let desc = ImageDesc {
+        format: vk::Format::R8G8B8A8_UNORM,
+        extent: pages.size,
+        layers: pages.layers,
+        array: true,
+        usage: vk::ImageUsageFlags::SAMPLED,
+    };
+    let image = Image::new(context, "textures", desc)?;
+    image.upload(context, bytemuck::cast_slice(&pages.texels))?;
+    Ok(image)
+}

@@ -1,0 +1,120 @@
+//! How to render: what a renderer is made with.
+
+use crate::{Error, Result};
+use ash::vk;
+
+/// How to render. See [`Settings::default`] for the defaults.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// How samples are chosen.
+    pub method: Method,
+    /// Width and height in pixels, each at least 1.
+    pub size: [u32; 2],
+    /// `stable`: samples a pixel to aim at, 0.0625 to 16.
+    pub density: f32,
+    /// `stable`: deviation from `density` that is tolerated before samples are added or evicted, 0.0625 to 16.
+    pub tolerance: f32,
+    /// `supersample` and `reference`: stratified samples a pixel and frame, 1 to 16.
+    pub spp: u32,
+    /// `supersample`: new sample positions each frame, instead of the same ones.
+    pub jitter: bool,
+    /// Seeds all random choices.
+    pub seed: u32,
+    /// 32-bit float output instead of 16-bit.
+    pub float_output: bool,
+    /// Which images besides colour are written.
+    pub aovs: Vec<Aov>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: Method::Stable,
+            size: [640, 480],
+            density: 1.0,
+            tolerance: 1.0,
+            spp: 1,
+            jitter: false,
+            seed: 0,
+            float_output: false,
+            aovs: Vec::new(),
+        }
+    }
+}
+
+impl Settings {
+    /// Whether every value is in its range.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] with the name, the value and the range.
+    pub fn validate(&self) -> Result<()> {
+        let check = |name, value: String, good: bool, expected: &str| {
+            if good { Ok(()) } else { Err(Error::Setting { name, value, expected: expected.to_owned() }) }
+        };
+        let [w, h] = self.size;
+        let size_good = (1..=16384).contains(&w) && (1..=16384).contains(&h);
+        check("size", format!("{w}x{h}"), size_good, "from 1x1 to 16384x16384")?;
+        let unit = "from 0.0625 to 16";
+        check("density", self.density.to_string(), (0.0625..=16.0).contains(&self.density), unit)?;
+        check("tolerance", self.tolerance.to_string(), (0.0625..=16.0).contains(&self.tolerance), unit)?;
+        check("spp", self.spp.to_string(), (1..=16).contains(&self.spp), "from 1 to 16")
+    }
+}
+
+/// How samples are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Reprojected samples, paper 1.
+    Stable,
+    /// `spp` stratified samples a pixel, traced anew each frame.
+    Supersample,
+    /// As `Supersample`, jittered and accumulated over all frames since the last reset.
+    Reference,
+}
+
+/// Images besides colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Aov {
+    /// Distance from the camera in metres of the pixel's nearest sample; infinity for the sky. R32_SFLOAT.
+    Depth,
+    /// Pixels moved since the last frame (x right, y down), by the sample that moved most. R32G32_SFLOAT.
+    Motion,
+    /// Red: samples evicted, green: added, blue: kept (paper 1, figure 4); alpha 1. R32G32B32A32_SFLOAT.
+    Density,
+    /// Frames that the pixel's oldest sample has lived. R32_SFLOAT.
+    Age,
+}
+
+impl Aov {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Depth, Self::Motion, Self::Density, Self::Age];
+
+    /// As the command line spells it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Depth => "depth",
+            Self::Motion => "motion",
+            Self::Density => "density",
+            Self::Age => "age",
+        }
+    }
+
+    /// Floats a pixel.
+    pub fn channels(self) -> usize {
+        match self {
+            Self::Depth | Self::Age => 1,
+            Self::Motion => 2,
+            Self::Density => 4,
+        }
+    }
+
+    pub(crate) fn format(self) -> vk::Format {
+        match self.channels() {
+            1 => vk::Format::R32_SFLOAT,
+            2 => vk::Format::R32G32_SFLOAT,
+            _ => vk::Format::R32G32B32A32_SFLOAT,
+        }
+    }
+}
