@@ -45,6 +45,8 @@ pub struct Bench {
 struct Runner {
     contender: Contender,
     session: Session,
+    /// Bytes that the session took.
+    memory: u64,
     first_frame_ms: f64,
     collector: Collector,
 }
@@ -92,8 +94,10 @@ impl Bench {
     fn start(&self, contender: Contender, device: &Device, scene: &LoadedScene) -> Outcome<Runner> {
         let settings = Settings { size: self.source.size, seed: self.source.seed, ..contender.settings() };
         let settings = Settings { tolerance: self.tolerance as f32, ..settings };
+        let before = allocated(device);
         let session = Session::new(device, scene, &settings)?;
-        Ok(Runner { contender, session, first_frame_ms: 0.0, collector: Collector::default() })
+        let memory = allocated(device).saturating_sub(before);
+        Ok(Runner { contender, session, memory, first_frame_ms: 0.0, collector: Collector::default() })
     }
 
     /// Renders a frame with each method in turn, so that whatever disturbs the machine disturbs all of them.
@@ -135,11 +139,15 @@ impl Bench {
     }
 }
 
+/// Bytes of device memory that are in use.
+fn allocated(device: &Device) -> u64 {
+    device.context().memory_table().iter().map(|(_, bytes)| bytes).sum()
+}
+
 impl Runner {
     fn finish(self, size: [u32; 2]) -> MethodResult {
-        let memory = self.session.memory().iter().map(|row| row.bytes).sum();
         let kind = self.contender.settings().method;
-        self.collector.finish(self.contender.name(), kind, size, self.first_frame_ms, memory)
+        self.collector.finish(self.contender.name(), kind, size, self.first_frame_ms, self.memory)
     }
 }
 

@@ -10,7 +10,7 @@ use stillray::Error;
 use stillray::headless::{Device, DeviceReport, LoadedScene, MemoryRow, Session};
 use stillray::renderer::{Aov, FrameInputs, FrameStats, Method, PhaseTime, Settings};
 use stillray::report::apng::Animation;
-use stillray::report::bench::{Build, percent, reprojected_shares, reused_fraction};
+use stillray::report::bench::{Build, percent, reprojected_shares};
 use stillray::report::openexr::Exr;
 use stillray::report::png::Picture;
 use stillray::report::statistics::{Summary, mean};
@@ -361,7 +361,7 @@ impl Measured {
         FrameReport {
             index,
             seconds,
-            reused_fraction: reused_fraction(&stats),
+            reused_fraction: stats.reused_fraction(),
             reprojected: reprojected_shares(&stats),
             stats,
             ms: self.phases.iter().map(|p| p.ms).sum(),

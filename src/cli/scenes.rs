@@ -83,11 +83,6 @@ pub fn list() -> Table {
     table
 }
 
-/// What the scene needs modelled, and why.
-pub fn requirements(_scene: &Scene) -> String {
-    String::new()
-}
-
 /// Centre and radius in metres of a sphere that holds everything in the scene, for a camera to move about.
 fn sphere(scene: &Scene) -> (DVec3, f64) {
     match scene.bounds(&scene.pose(0.0)) {

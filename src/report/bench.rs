@@ -141,18 +141,13 @@ impl Collector {
             rays_per_frame: average(|s| f64::from(s.rays)),
             shadow_rays_per_frame: average(|s| f64::from(s.shadow_rays)),
             samples_per_pixel: ratio(average(|s| f64::from(s.shaded)), pixels),
-            reused_fraction: average(reused_fraction),
+            reused_fraction: average(FrameStats::reused_fraction),
             reprojected: (kind == Method::Stable).then(|| mean_shares(&self.stats)),
             memory_bytes: memory,
             name,
             kind,
         }
     }
-}
-
-/// Share of a frame's camera rays that belong to reprojected samples.
-pub fn reused_fraction(stats: &FrameStats) -> f64 {
-    ratio(f64::from(stats.reused), f64::from(stats.rays))
 }
 
 /// Share of a frame's pixels onto which 0, 1, 2, 3, and 4 or more samples were reprojected (paper 3, Table 1).
@@ -285,8 +280,14 @@ mod tests {
     fn method(name: &str, kind: Method, rays: f64, ms: f64) -> MethodResult {
         let mut histogram = [0; 17];
         histogram[..6].copy_from_slice(&[20, 60, 10, 5, 4, 1]);
-        let stats =
-            FrameStats { rays: rays as u32, reused: rays as u32 / 2, shaded: 200, histogram, ..Default::default() };
+        let stats = FrameStats {
+            rays: rays as u32,
+            reused: rays as u32 / 2,
+            added: rays as u32 / 2,
+            shaded: 200,
+            histogram,
+            ..Default::default()
+        };
         let mut collector = Collector::default();
         for shift in [0.0, 1.0, -1.0] {
             let shading = PhaseTime { label: "shade", ms: ms / 2.0 + shift };
