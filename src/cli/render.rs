@@ -285,10 +285,9 @@ impl Job<'_> {
         if self.render.source.quiet { Ok(()) } else { console::print(&summary) }
     }
 
-    fn report(&self, device: &'_ Device, totals: Totals) -> impl Serialize {
+    fn report<'a>(&'a self, device: &'a Device, totals: Totals) -> Report<'a> {
         let settings = &self.settings;
-        // Owned, because the session and the report outlive different things.
-        serde_json::json!(Report {
+        Report {
             schema: 1,
             device: device.report(),
             build: arguments::build(),
@@ -309,7 +308,7 @@ impl Job<'_> {
             memory: self.session.memory(),
             frames: &self.frames,
             totals,
-        })
+        }
     }
 
     fn summary(&self, totals: &Totals, device: &Device) -> String {

@@ -24,9 +24,10 @@ impl Picture {
     /// Tone-maps the first three channels of scene-linear `pixels`, `exposure` stops brighter. A single channel becomes
     /// grey; missing ones are black.
     pub fn tone_mapped(pixels: &Pixels, exposure: f32) -> Self {
+        let scale = exposure.exp2();
         let rgb = pixels.data.chunks_exact(pixels.channels.max(1)).flat_map(|p| {
             let at = |c: usize| if p.len() == 1 { p[0] } else { p.get(c).copied().unwrap_or(0.0) };
-            tonemap::display([at(0), at(1), at(2)], exposure)
+            tonemap::display_pixel([at(0), at(1), at(2)].map(|c| c * scale))
         });
         Self { width: pixels.width, height: pixels.height, rgb: rgb.collect() }
     }
@@ -86,11 +87,11 @@ mod tests {
     #[test]
     fn channels_are_taken_as_they_are_there() {
         let pixels = |channels, data: &[f32]| Pixels { width: 1, height: 1, channels, data: data.to_vec() };
-        let white = tonemap::display([1.0; 3], 0.0);
+        let white = tonemap::display_pixel([1.0; 3]);
         assert_eq!(Picture::tone_mapped(&pixels(1, &[1.0]), 0.0).rgb, white);
         assert_eq!(Picture::tone_mapped(&pixels(4, &[1.0, 1.0, 1.0, 0.0]), 0.0).rgb, white);
-        assert_eq!(Picture::tone_mapped(&pixels(2, &[1.0, 0.0]), 0.0).rgb, tonemap::display([1.0, 0.0, 0.0], 0.0));
-        assert_eq!(Picture::tone_mapped(&pixels(3, &[0.25; 3]), 2.0).rgb, tonemap::display([0.25; 3], 2.0));
+        assert_eq!(Picture::tone_mapped(&pixels(2, &[1.0, 0.0]), 0.0).rgb, tonemap::display_pixel([1.0, 0.0, 0.0]));
+        assert_eq!(Picture::tone_mapped(&pixels(3, &[0.25; 3]), 2.0).rgb, white);
     }
 
     #[test]

@@ -1,6 +1,10 @@
 //! What several integration tests share.
 #![allow(dead_code)] // each test binary uses a part of it
 
+pub mod kernel;
+pub mod random;
+pub mod view;
+
 use stillray::gpu::{Context, ContextOptions};
 
 /// A device with validation and synchronisation validation on. The tests run on whatever device is best here; without
