@@ -1,5 +1,7 @@
 //! Reprojection agrees with its CPU twin exactly, wherever rounding cannot put a sample on another subpixel, and its
 //! outcome is that of the paper's Algorithm 1 without the race.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
 mod support;
 
 use bytemuck::Zeroable;
@@ -235,6 +237,32 @@ fn samples_on_borders_stay_in_reach() {
 }
 
 #[test]
+fn positions_that_are_no_numbers_do_no_harm() {
+    // No cached sample has such a position, and shaders may assume that there are none: nothing is said about where they
+    // land, but they write nowhere else, and do not touch what others claim.
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reproject::SHADER);
+    let random = &mut Random::new(5);
+    let view = View::new(random, [33, 21], 3);
+    let broken = |random: &mut Random| {
+        let mut sample = view.random_sample(random, 0.5);
+        let (axis, value) = (random.below(3), [f32::NAN, f32::INFINITY, f32::NEG_INFINITY]);
+        sample.position[axis as usize] = random.pick(&value);
+        sample
+    };
+    let samples: Vec<Sample> = (0..4000).map(|_| broken(random)).collect();
+    let device = on_device(&kernel, &view.frame, &view.instances, &samples, 4000);
+    for (slot, &claim) in device.claims.iter().enumerate().filter(|c| *c.1 != UNCLAIMED) {
+        let sample = &samples[(claim & INSTANCE_MASK) as usize];
+        assert!(
+            matches!(landing_bounded(&view.frame, &view.instances, sample), Landing::Anywhere),
+            "{slot} {sample:?}"
+        );
+    }
+    support::assert_clean(&context);
+}
+
+#[test]
 fn the_twin_keeps_its_own_bound() {
     let random = &mut Random::new(11);
     let mut worst: f64 = 0.0;
@@ -267,7 +295,7 @@ fn a_still_camera_finds_new_samples_where_they_were_put() {
     // `new_position` leaves a margin of an eighth of a subpixel: wider than the error of a direction in f32 that is
     // projected back, up to frames of 16384 pixels.
     let random = &mut Random::new(3);
-    for size in [[640, 480], [16384, 9]] {
+    for size in [[640, 480], [16384, 8192]] {
         let view = View::new(random, size, 1);
         for _ in 0..4000 {
             let pixel = size.map(|n| random.below(n));
@@ -370,23 +398,4 @@ fn the_comparison_with_algorithm_1_can_fail() {
     assert!(!arrivals(&[0], 1, true).occluded);
     assert!(ours(1, 1).occluded);
     assert_ne!(arrivals(&[1, 0], 0, false), ours(2, 0));
-}
-#[test]
-fn debug_me() {
-    let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject::SHADER);
-    let random = &mut Random::new(0);
-    let view = View::new(random, [1, 1], 3);
-    let samples: Vec<Sample> = (0..93).map(|_| view.random_sample(random, 0.0)).collect();
-    for (i, s) in samples.iter().enumerate() {
-        let t = reproject(&view.frame, &view.instances, &[*s]);
-        let d = on_device(&kernel, &view.frame, &view.instances, &[*s], 1);
-        let mut padded = vec![Sample::zeroed(); 93];
-        padded.iter_mut().for_each(|p| p.instance = 77);
-        padded[i] = *s;
-        let e = on_device(&kernel, &view.frame, &view.instances, &padded, 93);
-        println!("{i} {:x} {:x} {:x}", t.masks[0], d.masks[0], e.masks[0]);
-    }
-    let e = on_device(&kernel, &view.frame, &view.instances, &samples, 93);
-    println!("{:x?}", e);
 }

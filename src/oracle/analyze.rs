@@ -73,7 +73,8 @@ pub const BAYER: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], 
 pub fn sample_demand(count: u32, quarters: u32, d_target: f32, d_tolerance: f32, pixel: [u32; 2]) -> i32 {
     let area = quarters as f32;
     let lack = d_target * area - (4 * count) as f32;
-    if !(lack.abs() >= d_tolerance * area) {
+    let outside = lack.abs() >= d_tolerance * area;
+    if !outside {
         return 0;
     }
     let threshold = (BAYER[(pixel[1] % 4) as usize][(pixel[0] % 4) as usize] as f32 + 0.5) / 16.0;

@@ -28,7 +28,7 @@ pub enum Landing {
     On(Subpixel),
     /// On any of these, or nowhere if it is within the error of the frame's border.
     Among(Vec<Subpixel>),
-    /// On any subpixel at all, or nowhere: so near the camera that its direction is noise.
+    /// On any subpixel at all, or nowhere: so near the camera that its direction is noise, or at no number.
     Anywhere,
 }
 

@@ -11,8 +11,7 @@ pub fn corners_of(corners: &[[f32; 4]], rest: &[f32], slot: usize) -> [[f32; 3];
 /// The point with barycentric weights u of the second corner and v of the third, in f32 and in the shader's order:
 /// agrees to the bit.
 pub fn triangle_point([a, b, c]: [[f32; 3]; 3], u: f32, v: f32) -> [f32; 3] {
-    let w = 1.0 - u - v;
-    [0, 1, 2].map(|i| a[i] * w + b[i] * u + c[i] * v)
+    [0, 1, 2].map(|i| a[i] + (u * (b[i] - a[i]) + v * (c[i] - a[i])))
 }
 
 #[cfg(test)]

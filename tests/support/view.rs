@@ -74,7 +74,7 @@ impl View {
         Sample { position: relative.map(|v| (v / length) as f32), instance: SKY_INSTANCE }
     }
 
-    /// A sample anywhere in the frame or a little beyond, sometimes behind, of the sky, lost or broken.
+    /// A sample anywhere in the frame or a little beyond, sometimes behind, of the sky, or lost.
     pub fn random_sample(&self, random: &mut Random, occluded: f32) -> Sample {
         let behind = if random.chance(0.05) { -1.0 } else { 1.0 };
         let depth = f64::from(random.between(-1.0, 3.0).exp() * behind);
@@ -87,9 +87,6 @@ impl View {
         };
         if random.chance(0.01) {
             sample.instance = random.pick(&[NEW_INSTANCE, self.frame.instance_count, 1 << 20]);
-        }
-        if random.chance(0.01) {
-            sample.position[random.below(3) as usize] = random.pick(&[f32::NAN, f32::INFINITY, f32::NEG_INFINITY]);
         }
         sample.instance |= if random.chance(occluded) { OCCLUDED_BIT } else { 0 };
         sample

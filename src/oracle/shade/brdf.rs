@@ -43,7 +43,8 @@ impl Reflector {
             return DVec3::ZERO;
         }
         let nv = normal.dot(view).clamp(COSINE_MIN, 1.0);
-        let diffuse = self.diffuse_color() * (nl / PI);
+        let f0 = self.specular_color();
+        let diffuse = self.diffuse_color() * self.layer_weight(nl, nv) * (nl / PI);
         let sum = light + view;
         let sum2 = sum.length_squared();
         if sum2 < HALF_VECTOR_MIN {
@@ -55,9 +56,17 @@ impl Reflector {
         let d = a2 / (PI * q * q);
         let root = |c: f64| (c * c * (1.0 - a2) + a2).sqrt();
         let visibility = 0.5 / (nl * root(nv) + nv * root(nl));
-        let f0 = self.specular_color();
         let fresnel = f0 + (1.0 - f0) * (1.0 - 0.5 * sum2.sqrt()).max(0.0).powi(5);
-        (1.0 - fresnel) * diffuse + fresnel * (d * visibility * nl)
+        diffuse + fresnel * (d * visibility * nl)
+    }
+
+    /// What of the light gets through the specular lobe into the diffuse layer and out again.
+    fn layer_weight(&self, nl: f64, nv: f64) -> DVec3 {
+        let f0 = self.specular_color();
+        let lobe = |[whole, schlick]: [f64; 2]| f0 * (whole - schlick) + schlick;
+        let through = |cosine: f64| 1.0 - lobe(lobe_albedo(cosine, self.roughness));
+        let mean = 1.0 - lobe(mean_lobe_albedo(self.roughness));
+        through(nl) * through(nv) / mean.max(DVec3::splat(1.0 / 256.0))
     }
 
     /// The part of a uniform radiance that is reflected to `view`, 0..=1.
@@ -73,8 +82,8 @@ impl Reflector {
 }
 
 /// Directional albedo of the specular lobe, and the part of it that Schlick's factor scales: the shader's fits.
-pub fn lobe_albedo(nv: f64, roughness: f64) -> [f64; 2] {
-    let x = nv.clamp(0.03, 1.0);
+pub fn lobe_albedo(cosine: f64, roughness: f64) -> [f64; 2] {
+    let x = cosine.clamp(0.03, 1.0);
     let y = (roughness * roughness).max(ALPHA_MIN);
     let p = 0.97403
         + y * (-11.08942 + y * (426.76951 - 255.19079 * y))
@@ -88,4 +97,11 @@ pub fn lobe_albedo(nv: f64, roughness: f64) -> [f64; 2] {
         + x * (2.70334 + y * (-162.64114 + 749.12166 * y) + x * (6.58293 + 629.66126 * y + 22.68433 * x));
     let whole = (p / q).clamp(0.0, 1.0);
     [whole, (r / s).clamp(0.0, whole)]
+}
+
+/// The same averaged over all directions, weighted by their cosine.
+pub fn mean_lobe_albedo(roughness: f64) -> [f64; 2] {
+    let y = (roughness * roughness).max(ALPHA_MIN);
+    let whole: f64 = 1.00214 + y * (-0.13413 + y * (-1.86144 + y * (2.26377 - 0.8632 * y)));
+    [whole.min(1.0), 0.04858 + y * (-0.16445 + y * (0.21085 - 0.09229 * y))]
 }
