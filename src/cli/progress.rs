@@ -31,7 +31,7 @@ struct Bar {
 impl Progress for Bar {
     fn begin(&self, stage: &str, steps: u64) {
         let bar = ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::stderr());
-        let style = ProgressStyle::with_template("{msg:<28} {bar:30} {human_pos}/{human_len} {eta:>4} left");
+        let style = ProgressStyle::with_template("{msg:<36} {bar:30} {human_pos}/{human_len} {eta:>4} left");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.set_message(stage.to_owned());
         bar.tick();
@@ -43,6 +43,13 @@ impl Progress for Bar {
     }
 
     fn finish(&self) {
+        locked(&self.bar).finish_and_clear();
+    }
+}
+
+impl Drop for Bar {
+    /// What ends in the middle of a stage has something to say, on a line of its own.
+    fn drop(&mut self) {
         locked(&self.bar).finish_and_clear();
     }
 }

@@ -186,7 +186,9 @@ fn compare(stable: &MethodResult, rivals: &[&MethodResult]) -> Option<Ratio> {
             let at = (rays - first.rays_per_frame) / (second.rays_per_frame - first.rays_per_frame);
             let ms = first.total_ms.median + at * (second.total_ms.median - first.total_ms.median);
             let how = if (0.0..=1.0).contains(&at) { "interpolated between" } else { "on the line through" };
-            (ms, format!("{how} {} and {}", first.name, second.name))
+            let ordered = first.rays_per_frame < second.rays_per_frame;
+            let (fewer, more) = if ordered { (first, *second) } else { (*second, first) };
+            (ms, format!("{how} {} and {}", fewer.name, more.name))
         }
         None => {
             let ms = first.total_ms.median * rays / first.rays_per_frame;
@@ -338,6 +340,8 @@ mod tests {
         assert_eq!((value, basis.as_str()), (2.0, "supersample:1 in proportion to its rays"));
         let (value, basis) = ratio_to(stable(), &[(200.0, 20.0), (300.0, 30.0)]).unwrap();
         assert_eq!((value, basis.as_str()), (2.0, "on the line through supersample:1 and supersample:2"));
+        let (_, basis) = ratio_to(method("stable:1", Method::Stable, 180.0, 30.0), &rivals).unwrap();
+        assert_eq!(basis, "interpolated between supersample:1 and supersample:2");
         assert!(ratio_to(stable(), &[]).is_none());
     }
 
