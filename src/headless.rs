@@ -1,9 +1,14 @@
 //! Rendering without a host: makes the command buffers, submits, waits and reads back.
 
-use crate::Result;
+use crate::gpu::submit::Submitter;
+use crate::gpu::{Buffer, Context, ContextOptions, Image, Place, fit::Fit};
 use crate::progress::Progress;
-use crate::renderer::{Aov, FrameInputs, FrameStats, PhaseTime, Settings};
+use crate::renderer::{Aov, FrameInputs, FrameStats, PhaseTime, Renderer, Settings, Ticket};
+use crate::resident::ResidentScene;
 use crate::scene::Scene;
+use crate::{Error, Result};
+use half::f16;
+use std::sync::Arc;
 
 /// A device of this machine and whether it fits.
 #[derive(Debug, Clone, serde::Serialize)]
@@ -20,6 +25,19 @@ pub struct DeviceReport {
     pub api: String,
     /// Why it does not fit, one reason a line; empty if it fits.
     pub rejected: Vec<String>,
+}
+
+impl DeviceReport {
+    fn new(index: usize, fit: &Fit) -> Self {
+        Self {
+            index,
+            name: fit.name(),
+            kind: fit.kind(),
+            driver: fit.driver.clone(),
+            api: fit.api(),
+            rejected: fit.rejected.clone(),
+        }
+    }
 }
 
 /// An image read back: `channels` floats a pixel, row by row from the top.
@@ -46,61 +64,172 @@ pub struct MemoryRow {
 
 /// A device made for rendering without a window.
 #[derive(Debug)]
-pub struct Device {}
+pub struct Device {
+    context: Context,
+    report: DeviceReport,
+}
 
 impl Device {
     /// Every device that the loader lists, fitting or not.
+    ///
+    /// # Errors
+    /// [`Error::NoLoader`] without a Vulkan loader.
     pub fn list() -> Result<Vec<DeviceReport>> {
-        unimplemented!()
+        Ok(Context::devices()?.iter().enumerate().map(|(i, fit)| DeviceReport::new(i, fit)).collect())
     }
+
     /// Opens the device that `selector` (an index, or part of a name) asks for, or else the best one.
-    pub fn open(_selector: Option<&str>) -> Result<Self> {
-        unimplemented!()
+    ///
+    /// # Errors
+    /// [`Error::NoLoader`], or [`Error::NoDevice`] with the reason against each device.
+    pub fn open(selector: Option<&str>) -> Result<Self> {
+        Self::with_options(&ContextOptions { device: selector.map(str::to_owned), validation: false })
     }
+
+    /// As [`Device::open`], with more options.
+    ///
+    /// # Errors
+    /// As for [`Device::open`].
+    pub fn with_options(options: &ContextOptions) -> Result<Self> {
+        let context = Context::new(options)?;
+        let physical = context.fit().physical;
+        let all = Context::devices()?;
+        // Handles differ from instance to instance; name and version tell devices apart well enough for a report.
+        let same = |f: &Fit| f.name() == context.fit().name() && f.driver == context.fit().driver;
+        let index = all.iter().position(|f| f.physical == physical).or_else(|| all.iter().position(same));
+        let report = DeviceReport::new(index.unwrap_or(0), context.fit());
+        Ok(Self { context, report })
+    }
+
     /// What was opened.
     pub fn report(&self) -> &DeviceReport {
-        unimplemented!()
+        &self.report
+    }
+
+    /// The context.
+    pub fn context(&self) -> &Context {
+        &self.context
     }
 }
 
 /// A scene in device memory, shared by sessions.
-#[derive(Debug)]
-pub struct LoadedScene {}
+#[derive(Debug, Clone)]
+pub struct LoadedScene {
+    resident: Arc<ResidentScene>,
+}
 
 impl LoadedScene {
     /// Builds acceleration structures and uploads everything.
-    pub fn new(_device: &Device, _scene: &Scene, _progress: &dyn Progress) -> Result<Self> {
-        unimplemented!()
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] and [`Error::OutOfMemory`] with what to lower.
+    pub fn new(device: &Device, scene: &Scene, progress: &dyn Progress) -> Result<Self> {
+        Ok(Self { resident: Arc::new(ResidentScene::new(&device.context, scene, progress)?) })
     }
 }
 
-/// Renders frames of one scene with one method.
+/// Renders frames of one scene with one method, each waited for.
 #[derive(Debug)]
-pub struct Session {}
+pub struct Session {
+    context: Context,
+    renderer: Renderer,
+    submitter: Submitter,
+    ticket: Option<Ticket>,
+}
 
 impl Session {
     /// Makes a renderer with its buffers.
-    pub fn new(_device: &Device, _scene: &LoadedScene, _settings: &Settings) -> Result<Self> {
-        unimplemented!()
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a value out of range, [`Error::TooLarge`] and [`Error::OutOfMemory`] with what to lower.
+    pub fn new(device: &Device, scene: &LoadedScene, settings: &Settings) -> Result<Self> {
+        let context = device.context.clone();
+        let renderer = Renderer::with_scene(&context, scene.resident.clone(), settings)?;
+        let submitter = Submitter::new(&context)?;
+        Ok(Self { context, renderer, submitter, ticket: None })
     }
+
     /// Renders a frame and waits for it.
-    pub fn frame(&mut self, _inputs: &FrameInputs) -> Result<FrameStats> {
-        unimplemented!()
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for inputs that do not fit the scene, [`Error::Vulkan`] if the device is lost.
+    pub fn frame(&mut self, inputs: &FrameInputs<'_>) -> Result<FrameStats> {
+        self.frame_without(inputs, None)
     }
+
+    /// As [`Session::frame`], leaving one barrier out: see [`Renderer::record_without`].
+    #[doc(hidden)]
+    pub fn frame_without(&mut self, inputs: &FrameInputs<'_>, dropped: Option<usize>) -> Result<FrameStats> {
+        let renderer = &mut self.renderer;
+        let mut recorded = None;
+        self.submitter.run("frame", |commands| {
+            recorded = Some(renderer.record_without(commands, inputs, dropped));
+        })?;
+        let outputs = recorded.unwrap_or_else(|| Err(lost()))?;
+        self.ticket = Some(outputs.ticket);
+        self.renderer.stats(outputs.ticket).ok_or_else(lost)
+    }
+
     /// Time of each phase of the last frame, in order.
     pub fn phase_times(&self) -> Vec<PhaseTime> {
-        unimplemented!()
+        self.ticket.map_or_else(Vec::new, |ticket| self.renderer.phase_times(ticket))
     }
+
     /// Scene-linear RGBA of the last frame (4 channels).
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] for the read-back buffer.
     pub fn color(&mut self) -> Result<Pixels> {
-        unimplemented!()
+        let float = self.renderer.settings().float_output;
+        let bytes = read(&self.context, &mut self.submitter, self.renderer.color(), if float { 16 } else { 8 })?;
+        let data = if float {
+            bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
+        } else {
+            bytes.chunks_exact(2).map(|b| bytemuck::pod_read_unaligned::<f16>(b).to_f32()).collect()
+        };
+        Ok(self.pixels(4, data))
     }
-    /// An AOV of the last frame; it must be in the settings.
-    pub fn aov(&mut self, _aov: Aov) -> Result<Pixels> {
-        unimplemented!()
+
+    /// An AOV of the last frame, with [`Aov::channels`] channels.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if the settings do not ask for it.
+    pub fn aov(&mut self, aov: Aov) -> Result<Pixels> {
+        let image = self.renderer.aov(aov).ok_or_else(|| Error::Setting {
+            name: "aov",
+            value: aov.name().to_owned(),
+            expected: "one of those that the settings ask for".to_owned(),
+        })?;
+        let bytes = read(&self.context, &mut self.submitter, image, 4 * aov.channels() as u64)?;
+        let data = bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
+        Ok(self.pixels(aov.channels(), data))
     }
-    /// What this session has allocated for what.
+
+    /// What is allocated for what on this context, the scene included.
     pub fn memory(&self) -> Vec<MemoryRow> {
-        unimplemented!()
+        let table = self.context.memory_table();
+        table.into_iter().map(|(purpose, bytes)| MemoryRow { purpose, bytes }).collect()
     }
+
+    /// The renderer.
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    fn pixels(&self, channels: usize, data: Vec<f32>) -> Pixels {
+        let [width, height] = self.renderer.settings().size;
+        Pixels { width, height, channels, data }
+    }
+}
+
+fn lost() -> Error {
+    Error::Vulkan { during: "reading a frame's counters".to_owned(), result: ash::vk::Result::ERROR_UNKNOWN }
+}
+
+fn read(context: &Context, submitter: &mut Submitter, image: &Image, texel: u64) -> Result<Vec<u8>> {
+    let [width, height] = image.desc().extent;
+    let size = u64::from(width) * u64::from(height) * texel;
+    let staging = Buffer::new(context, "staging", size, Place::Readback)?;
+    submitter.run("read image", |commands| image.record_copy(commands, &staging))?;
+    Ok(staging.bytes().get(..size as usize).unwrap_or_default().to_vec())
 }

@@ -5,12 +5,12 @@
 
 use crate::accel::{self, Tlas};
 use crate::gpu::{Context, Image, Recorder};
+use crate::method::SLOTS;
 use crate::method::buffers::FrameBuffers;
 use crate::method::constants::{self, Moment};
 use crate::method::plan::{self, Plan};
 use crate::method::ring::Ring;
 use crate::method::storage::Storage;
-use crate::method::SLOTS;
 use crate::phase::Kit;
 use crate::resident::ResidentScene;
 use crate::scene::{Pose, Scene, View};
@@ -255,9 +255,9 @@ impl Renderer {
     /// Compares with the last frame, and remembers this one.
     fn advance(&mut self, inputs: &FrameInputs<'_>) -> Moment {
         let last = self.last.take().filter(|_| !inputs.reset);
-        let still = last.as_ref().map_or(0, |l| {
-            if l.view == inputs.view && l.pose == *inputs.pose { l.still.saturating_add(1) } else { 0 }
-        });
+        let still = last
+            .as_ref()
+            .map_or(0, |l| if l.view == inputs.view && l.pose == *inputs.pose { l.still.saturating_add(1) } else { 0 });
         let frame = last.as_ref().map_or(0, |l| l.frame.wrapping_add(1));
         let moment = Moment {
             view: inputs.view,

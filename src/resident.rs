@@ -48,15 +48,18 @@ impl ResidentScene {
             });
         }
         let geometry = Geometry::build(scene, &BvhBuildParams::medium_build(), progress)?;
+        let upload = |purpose: &str, bytes: &[u8]| Buffer::with_data(context, purpose, bytes, FEWER_TRIANGLES);
         let limits = &context.fit().properties.limits;
         let pages = Atlas::pack(&scene.images, limits.max_image_dimension2_d, limits.max_image_array_layers)?;
-        let upload = |purpose: &str, bytes: &[u8]| Buffer::with_data(context, purpose, bytes, FEWER_TRIANGLES);
+        // The top level's nodes come first; every frame writes them.
+        let mut nodes = vec![[0; 20]; geometry.tlas_capacity as usize];
+        nodes.extend_from_slice(&geometry.nodes);
         let is_open = |m: &crate::scene::Material| m.alpha != AlphaMode::Opaque;
         Ok(Self {
             lights: scene.lights.clone(),
             environment: scene.environment,
             alpha: scene.materials.iter().any(is_open),
-            nodes: upload("BVH nodes", bytemuck::cast_slice(&geometry.nodes))?,
+            nodes: upload("BVH nodes", bytemuck::cast_slice(&nodes))?,
             corners: upload("triangle corners", bytemuck::cast_slice(&geometry.triangle_corners))?,
             rest: upload("triangle corners", bytemuck::cast_slice(&geometry.triangle_rest))?,
             triangles: upload("triangle indices", bytemuck::cast_slice(&geometry.triangles))?,

@@ -20,10 +20,14 @@ uint pixel_index(uvec2 pixel, uvec2 size) {
     return tile.y * 8u * size.x + tile.x * 8u * extent.y + inside.y * extent.x + inside.x;
 }
 
-// Index in the dense list of samples: its dispatches are two-dimensional, since one dimension can be short of groups.
+// Threads of a workgroup of every dispatch over the dense list. (gl_WorkGroupSize would be 1 here: glslang takes its value
+// where it is read, and a shader's local size is declared after its includes.)
+const uint DENSE_GROUP = 64u;
+
+// Index in the dense list of samples. Its dispatches are two-dimensional, since one dimension can be short of groups.
 uint dense_index() {
     uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    return group * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    return group * DENSE_GROUP + gl_LocalInvocationIndex;
 }
 
 // `precise` throughout: several kernels project the same point and must agree to the bit.

@@ -117,7 +117,7 @@ bool hit_triangle(Ray ray, vec3 v0, vec3 v1, vec3 v2, out TriangleHit hit) {
     precise float det = (wa + wb) + wc;
     bool mixed = min(min(wa, wb), wc) < 0.0 && max(max(wa, wb), wc) > 0.0;
     hit = TriangleHit(0.0, 0.0, 0.0);
-    if (mixed || !(abs(det) >= SMALLEST_NORMAL)) return false;
+    if (mixed || abs(det) < SMALLEST_NORMAL) return false;
 
     precise float scale = 1.0 / det;
     precise float u = min(wb * scale, 1.0);

@@ -1,14 +1,12 @@
 //! One compressed eight-wide tree over boxes, whatever the boxes.
 
 use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, reinsertion::ReinsertionOptimizer};
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
-use obvhs::ploc::PlocBuilder;
 
 use super::nodes::{Extent, encode_planes};
-use super::{Bounds, balanced};
+use super::{Bounds, balanced, cluster};
 
 /// A tree over primitives.
 #[derive(Debug)]
@@ -32,7 +30,7 @@ pub(super) fn build(boxes: &[Bounds], params: &BvhBuildParams, depth_limit: u32,
     if boxes.is_empty() {
         return Bvh { nodes: Vec::new(), order: Vec::new(), extent: None };
     }
-    let clustered = cluster(boxes, params, &done).map(|(nodes, order)| encode(nodes, order, boxes));
+    let clustered = clustered(boxes, params, &done).map(|(nodes, order)| encode(nodes, order, boxes));
     let fitting = clustered.filter(|bvh| bvh.extent.is_some_and(|e| e.depth <= depth_limit));
     let bvh = fitting.unwrap_or_else(|| {
         let (nodes, order) = balanced::build(boxes);
@@ -47,35 +45,20 @@ fn encode(mut nodes: Vec<CwBvhNode>, order: Vec<u32>, boxes: &[Bounds]) -> Bvh {
     Bvh { nodes, order, extent }
 }
 
-/// What obvhs's `build_cwbvh` does, less its validation in debug builds, which takes longer than all the rest. `None` if the
-/// tree would be too deep.
-fn cluster(boxes: &[Bounds], params: &BvhBuildParams, done: &impl Fn(f64)) -> Option<(Vec<CwBvhNode>, Vec<u32>)> {
-    if collapsed(boxes) {
-        return None;
-    }
-    let aabbs: Vec<Aabb> = boxes.iter().map(|b| Aabb { min: b.min.into(), max: b.max.into() }).collect();
-    let mut builder = PlocBuilder::with_capacity(aabbs.len());
-    let indices = (0..aabbs.len() as u32).collect();
-    let (distance, precision) = (params.ploc_search_distance, params.sort_precision);
-    let mut bvh2 = builder.build(distance, &aabbs, indices, precision, params.search_depth_threshold);
-    drop(builder);
+/// A clustered tree, improved and widened by obvhs. `None` if it would be too deep.
+fn clustered(boxes: &[Bounds], params: &BvhBuildParams, done: &impl Fn(f64)) -> Option<(Vec<CwBvhNode>, Vec<u32>)> {
+    let mut bvh2 = cluster::build(boxes, params.ploc_search_distance, params.search_depth_threshold);
     done(0.4);
-    if binary_depth(&bvh2) > BINARY_DEPTH {
-        return None;
+    // obvhs's reinsertion has a stack of twice this.
+    if binary_depth(&bvh2) <= bvh2.max_depth {
+        ReinsertionOptimizer::default().run(&mut bvh2, params.reinsertion_batch_ratio, None);
     }
-    ReinsertionOptimizer::default().run(&mut bvh2, params.reinsertion_batch_ratio, None);
     done(0.7);
     if binary_depth(&bvh2) > BINARY_DEPTH {
         return None;
     }
     let bvh8 = bvh2_to_cwbvh(&bvh2, params.max_prims_per_leaf.clamp(1, 3), true, false);
     Some((bvh8.nodes, bvh8.primitive_indices))
-}
-
-/// Whether most boxes are the same one, on which clustering takes quadratic time: every merge ties with every other.
-fn collapsed(boxes: &[Bounds]) -> bool {
-    let (first, others) = (boxes[0], &boxes[1..]);
-    others.len() > 16 && others.iter().filter(|&&b| b == first).count() * 2 > others.len()
 }
 
 fn binary_depth(bvh: &Bvh2) -> usize {

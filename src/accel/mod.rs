@@ -10,6 +10,7 @@
 
 mod balanced;
 mod bvh;
+mod cluster;
 pub(crate) mod encode;
 mod nodes;
 mod place;
@@ -230,7 +231,7 @@ fn check_mesh(scene: &Scene, mesh: &Mesh) -> Result<()> {
 }
 
 fn index(scene: &Scene, count: usize, what: &str) -> Result<()> {
-    if count < shaders::HIT_LOST as usize {
+    if count < shaders::FOUND_LOST as usize {
         return Ok(());
     }
     let message = format!("{count} {what} are more than 32-bit indices can name: reduce the scene");

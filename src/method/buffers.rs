@@ -51,7 +51,9 @@ impl FrameBuffers {
             check_range(context, purpose, size, "lower --size, --density or --tolerance")?;
             Buffer::new(context, purpose, size, Place::Device)
         };
-        let many = |purpose: &str, size: u64, count: u64| (0..count).map(|_| make(purpose, size)).collect();
+        let many = |purpose: &str, size: u64, count: u64| -> Result<Vec<Buffer>> {
+            (0..count).map(|_| make(purpose, size)).collect()
+        };
         let buffers = Self {
             storage: *storage,
             size: settings.size,
@@ -141,8 +143,7 @@ fn first_counters(storage: &Storage, stable: bool) -> Counters {
 }
 
 fn color_image(context: &Context, settings: &Settings) -> Result<Image> {
-    let format =
-        if settings.float_output { vk::Format::R32G32B32A32_SFLOAT } else { vk::Format::R16G16B16A16_SFLOAT };
+    let format = if settings.float_output { vk::Format::R32G32B32A32_SFLOAT } else { vk::Format::R16G16B16A16_SFLOAT };
     storage_image(context, settings, "colour image", format)
 }
 

@@ -1,8 +1,8 @@
 //! What the host computes for a frame: everything in f64 relative to the camera, rounded once.
 
 use super::storage::Storage;
-use crate::settings::{Method, Settings};
 use crate::scene::{Environment, Light, LightKind, LightPose, View};
+use crate::settings::{Method, Settings};
 use crate::shaders;
 use glam::{DQuat, DVec3};
 
@@ -26,12 +26,7 @@ pub struct Moment {
 }
 
 /// The constants of a frame.
-pub fn frame(
-    settings: &Settings,
-    storage: &Storage,
-    environment: &Environment,
-    moment: &Moment,
-) -> shaders::Frame {
+pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, moment: &Moment) -> shaders::Frame {
     let aspect = f64::from(settings.size[0]) / f64::from(settings.size[1]);
     let [right, up, forward] = axes(&moment.view, aspect, settings.size[1]);
     let [previous_right, previous_up, previous_forward] = axes(&moment.previous, aspect, settings.size[1]);
@@ -74,11 +69,7 @@ fn axes(view: &View, aspect: f64, height: u32) -> [[f32; 4]; 3] {
     let rotation = if view.rotation.length_squared() > 0.0 { view.rotation.normalize() } else { DQuat::IDENTITY };
     let tangent = (view.yfov * 0.5).tan();
     let axis = |direction: DVec3, w: f64| (rotation * direction).extend(w).as_vec4().to_array();
-    [
-        axis(DVec3::X, tangent * aspect),
-        axis(DVec3::Y, tangent),
-        axis(DVec3::NEG_Z, 2.0 * tangent / f64::from(height)),
-    ]
+    [axis(DVec3::X, tangent * aspect), axis(DVec3::Y, tangent), axis(DVec3::NEG_Z, 2.0 * tangent / f64::from(height))]
 }
 
 /// A light of a frame, relative to the camera.

@@ -1,11 +1,11 @@
 //! The frame of each method, as data.
 
+use crate::Result;
 use crate::gpu::pass::{self, Barrier, Pass, Work};
 use crate::gpu::{Range, Resource};
 use crate::phase::{self, FrameResources, Kit, SceneResources};
 use crate::settings::{Method, Settings};
 use crate::shaders::Access;
-use crate::Result;
 
 /// A frame: passes in order, and the barrier before each.
 #[derive(Debug, Clone)]

@@ -47,7 +47,8 @@ impl Ring {
         let sized = |range: Range, count: usize, each: usize| Range { size: (count * each) as u64, ..range };
         let instances = sized(f.instances, scene.instance_count(), size_of::<Instance>());
         let lights = sized(f.lights, scene.light_count(), size_of::<Light>());
-        let all = [(0, f.frame), (self.instances, instances), (self.lights, lights), (self.top_level, scene.top_level())];
+        let all =
+            [(0, f.frame), (self.instances, instances), (self.lights, lights), (self.top_level, scene.top_level())];
         // Vulkan has no empty copies.
         let uploads = all.into_iter().filter(|(_, to)| to.size > 0).map(|(at, to)| (from(at, to.size), to));
         Transfers { uploads: uploads.collect(), readback: Range::whole("read-back ring", &self.down[slot]) }

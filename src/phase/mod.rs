@@ -170,6 +170,13 @@ pub struct SceneResources {
     pub alpha: bool,
 }
 
+impl SceneResources {
+    /// What the alpha variants of the tracing shaders bind besides.
+    fn alpha_resources(&self) -> [Resource; 5] {
+        [b(self.triangles), b(self.vertices), b(self.materials), self.atlas, b(self.srgb)]
+    }
+}
+
 fn b(range: Range) -> Resource {
     Resource::Buffer(range)
 }

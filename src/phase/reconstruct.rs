@@ -10,8 +10,7 @@ use crate::shaders::{reconstruct as shader, reconstruct_accumulate};
 /// # Errors
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
 pub fn pass(kit: &Kit, f: &FrameResources, accumulate: bool) -> Result<Pass> {
-    let bindings =
-        shader::Bindings { frame: b(f.frame), offsets: b(f.offsets), shaded: b(f.shaded), film: b(f.film) };
+    let bindings = shader::Bindings { frame: b(f.frame), offsets: b(f.offsets), shaded: b(f.shaded), film: b(f.film) };
     let shader = if accumulate { &reconstruct_accumulate::SHADER } else { &shader::SHADER };
     kit.dispatch("reconstruct", shader, &bindings.list(), &[], f.pixels())
 }

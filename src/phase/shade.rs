@@ -1,1 +1,31 @@
+//! Shading (paper 1, section 4.3): the radiance of every visible sample towards the camera.
 
+use super::{FrameResources, Kit, SceneResources, b};
+use crate::Result;
+use crate::gpu::Pass;
+use crate::shaders::shade as shader;
+
+/// One thread a sample of the list.
+///
+/// # Errors
+/// [`crate::Error::Vulkan`] if the pipeline cannot be made.
+pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
+    let bindings = shader::Bindings {
+        frame: b(f.frame),
+        instances: b(f.instances),
+        counters: b(f.counters),
+        corners: b(s.corners),
+        rest: b(s.rest),
+        triangles: b(s.triangles),
+        vertices: b(s.vertices),
+        materials: b(s.materials),
+        atlas: s.atlas,
+        srgb: b(s.srgb),
+        lights: b(f.lights),
+        samples: b(f.samples),
+        found: b(f.found),
+        lit: b(f.lit),
+        shaded: b(f.shaded),
+    };
+    kit.dispatch("shade", &shader::SHADER, &bindings.list(), &[], f.dense())
+}

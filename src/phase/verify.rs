@@ -1,1 +1,29 @@
+//! Verification (paper 1, section 4.3): one camera ray an entry of the dense list, bounded for cached samples.
 
+use super::{FrameResources, Kit, SceneResources, b};
+use crate::Result;
+use crate::gpu::Pass;
+use crate::shaders::{verify as shader, verify_alpha};
+
+/// One thread a sample of the list.
+///
+/// # Errors
+/// [`crate::Error::Vulkan`] if the pipeline cannot be made.
+pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
+    let mut list = shader::Bindings {
+        frame: b(f.frame),
+        instances: b(f.instances),
+        counters: b(f.counters),
+        nodes: b(s.nodes),
+        corners: b(s.corners),
+        rest: b(s.rest),
+        samples: b(f.samples),
+        found: b(f.found),
+    }
+    .list();
+    if s.alpha {
+        list.extend(s.alpha_resources());
+    }
+    let shader = if s.alpha { &verify_alpha::SHADER } else { &shader::SHADER };
+    kit.dispatch("verify", shader, &list, &[], f.dense())
+}

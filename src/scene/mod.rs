@@ -320,7 +320,7 @@ pub enum Interpolation {
 pub enum ChannelValues {
     /// Metres.
     Translation(Vec<DVec3>),
-    /// Quaternions (tangents of cubic splines are not of unit length).
+    /// Unit quaternions; those of cubic splines, values and tangents, may have any length, the values not zero.
     Rotation(Vec<DQuat>),
     /// Factors.
     Scale(Vec<DVec3>),

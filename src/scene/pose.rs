@@ -107,7 +107,7 @@ impl Channel {
                 let [w0, v0, v1, w1] = at.hermite();
                 let sum = p0 * w0 + b0 * v0 + a1 * v1 + p1 * w1;
                 let length = sum.length();
-                if length > 0.0 && length.is_finite() { sum / length } else { p0 }
+                if length > 0.0 && length.is_finite() { sum / length } else { p0.normalize() }
             }
         }
     }

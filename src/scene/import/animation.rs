@@ -120,12 +120,14 @@ impl Importer<'_> {
     }
 }
 
-/// Quaternions, those of keys normalised; tangents of cubic splines have any length.
+/// Quaternions, normalised; those of cubic splines stay as they are, because their tangents belong to them, and what
+/// they add up to is normalised (appendix C.4).
 fn rotations(document: &Document, values: &[[f32; 4]], per_key: usize, place: &str) -> Result<Vec<DQuat>> {
-    let is_key = |index: usize| per_key == 1 || index % 3 == 1;
     let quaternion = |(index, value): (usize, &[f32; 4])| {
         let value = value.map(f64::from);
-        if is_key(index) { unit_quaternion(value) } else { Some(DQuat::from_array(value)) }
+        let unit = unit_quaternion(value);
+        let is_tangent = per_key == 3 && index % 3 != 1;
+        if per_key == 3 { (is_tangent || unit.is_some()).then_some(DQuat::from_array(value)) } else { unit }
     };
     let rotations: Option<Vec<DQuat>> = values.iter().enumerate().map(quaternion).collect();
     rotations.ok_or_else(|| document.bad(format!("{place} has a rotation that is zero: repair it")))

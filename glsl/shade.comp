@@ -1,0 +1,100 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// The radiance of every visible sample towards the camera.
+#include "camera.glsl"
+
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
+layout(set = 0, binding = 1, std430) readonly buffer Instances { Instance data[]; } instances;
+layout(set = 0, binding = 2, std430) readonly buffer CountersBlock { Counters data; } counters;
+layout(set = 0, binding = 3, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
+layout(set = 0, binding = 4, std430) readonly buffer Rest { float data[]; } rest;
+layout(set = 0, binding = 5, std430) readonly buffer Triangles { Triangle data[]; } triangles;
+layout(set = 0, binding = 6, std430) readonly buffer Vertices { Vertex data[]; } vertices;
+layout(set = 0, binding = 7, std430) readonly buffer Materials { Material data[]; } materials;
+layout(set = 0, binding = 8) uniform sampler2DArray atlas;
+layout(set = 0, binding = 9, std430) readonly buffer Srgb { float data[256]; } srgb;
+layout(set = 0, binding = 10, std430) readonly buffer Lights { Light data[]; } lights;
+layout(set = 0, binding = 11, std430) readonly buffer Samples { Sample data[]; } samples;
+layout(set = 0, binding = 12, std430) readonly buffer FoundBlock { Found data[]; } found;
+layout(set = 0, binding = 13, std430) readonly buffer Lit { uint data[]; } lit;
+layout(set = 0, binding = 14, std430) writeonly buffer ShadedBlock { Shaded data[]; } shaded;
+
+#include "brdf.glsl"
+#include "light.glsl"
+#include "material.glsl"
+#include "triangle.glsl"
+
+const Shaded NOT_VISIBLE = Shaded(0u, 0u, 0u, -1.0);
+
+SurfacePoint point_of(Found f, Instance inst) {
+    vec3 a;
+    vec3 b;
+    vec3 c;
+    uint p = f.primitive;
+    unpack_corners(corners.data[2u * p], corners.data[2u * p + 1u], rest.data[p], a, b, c);
+    return surface_point(inst.to_relative, inst.to_object, a, b, c, f.u, f.v);
+}
+
+vec3 surface_radiance(Found f, uint lit_bits) {
+    Instance inst = instances.data[f.instance];
+    Triangle corner = triangles.data[f.primitive];
+    Material material = materials.data[corner.material];
+    SurfacePoint point = point_of(f, inst);
+    vec3 view = unit_or(-point.position, point.normal);
+    Surface s = surface_at(material, inst, vertices.data[corner.vertex0], vertices.data[corner.vertex1],
+        vertices.data[corner.vertex2], f.u, f.v, point.normal, view);
+    if (s.unlit) {
+        return s.base_color;
+    }
+    vec3 ambient = reflect_uniform(s.base_color, s.metallic, s.roughness, s.normal, view);
+    vec3 radiance = s.emissive + ambient * frame.data.environment.rgb * s.occlusion;
+    for (uint i = 0u; i < frame.data.light_count; ++i) {
+        if ((lit_bits >> i & 1u) != 0u) {
+            Incident incident = light_at(lights.data[i], point.position);
+            vec3 part = reflect_light(s.base_color, s.metallic, s.roughness, s.normal, view, incident.direction);
+            radiance += part * incident.irradiance;
+        }
+    }
+    return radiance;
+}
+
+// Where the sample lies in this frame, and how far it moved since the last one, in pixels.
+void locate(Sample s, out vec2 pixel, out vec2 motion, out float depth) {
+    uint id = s.instance & INSTANCE_MASK;
+    bool surface = id < frame.data.instance_count;
+    vec3 now = s.position;
+    vec3 before = s.position;
+    depth = uintBitsToFloat(INFINITY_BITS);
+    if (surface) {
+        now = transform_point(instances.data[id].to_relative, s.position);
+        before = transform_point(instances.data[id].previous, s.position);
+        depth = length(now);
+    }
+    uvec2 size = frame.data.size;
+    project(frame.data.right, frame.data.up, frame.data.forward.xyz, size, now, pixel);
+    vec2 last;
+    bool seen = project(frame.data.previous_right, frame.data.previous_up, frame.data.previous_forward.xyz, size, before, last);
+    motion = seen ? pixel - last : vec2(0.0);
+}
+
+void main() {
+    uint slot = dense_index();
+    if (slot >= counters.data.samples) {
+        return;
+    }
+    Found f = found.data[slot];
+    if (f.primitive == FOUND_LOST || (f.instance & OCCLUDED_BIT) != 0u) {
+        shaded.data[slot] = NOT_VISIBLE;
+        return;
+    }
+    vec3 radiance = frame.data.environment.rgb;
+    if (f.instance != SKY_INSTANCE) {
+        radiance = surface_radiance(f, lit.data[slot]);
+    }
+    vec2 pixel;
+    vec2 motion;
+    float depth;
+    locate(samples.data[slot], pixel, motion, depth);
+    shaded.data[slot] = pack_shaded(radiance, pixel - floor(pixel), motion, depth);
+}

@@ -1,0 +1,79 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// One shadow ray a light for every visible sample. A bit of `lit` says that the light reaches the sample; the rays
+// towards lights behind the surface are not traced and leave their bits zero.
+//
+// variant alpha: ALPHA
+#define TRAVERSE_ANY
+#include "camera.glsl"
+
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
+layout(set = 0, binding = 1, std430) readonly buffer Instances { Instance data[]; } instances;
+layout(set = 0, binding = 2, std430) buffer CountersBlock { Counters data; } counters;
+layout(set = 0, binding = 3, std430) readonly buffer Nodes { uvec4 data[]; } nodes;
+layout(set = 0, binding = 4, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
+layout(set = 0, binding = 5, std430) readonly buffer Rest { float data[]; } rest;
+layout(set = 0, binding = 6, std430) readonly buffer Lights { Light data[]; } lights;
+layout(set = 0, binding = 7, std430) readonly buffer FoundBlock { Found data[]; } found;
+layout(set = 0, binding = 8, std430) writeonly buffer Lit { uint data[]; } lit;
+#ifdef ALPHA
+layout(set = 0, binding = 9, std430) readonly buffer Triangles { Triangle data[]; } triangles;
+layout(set = 0, binding = 10, std430) readonly buffer Vertices { Vertex data[]; } vertices;
+layout(set = 0, binding = 11, std430) readonly buffer Materials { Material data[]; } materials;
+layout(set = 0, binding = 12) uniform sampler2DArray atlas;
+layout(set = 0, binding = 13, std430) readonly buffer Srgb { float data[256]; } srgb;
+#include "alpha_hit.glsl"
+#endif
+#include "traverse.glsl"
+
+shared uint tally;
+
+// The bits of all lights for one sample; counts the rays.
+uint lights_reaching(Found f, out uint rays) {
+    Instance inst = instances.data[f.instance];
+    Corners c = load_corners(f.primitive);
+    SurfacePoint point = surface_point(inst.to_relative, inst.to_object, c.v0, c.v1, c.v2, f.u, f.v);
+    // The viewer is at the origin: the lit side is the one that is seen.
+    float viewer_side = dot(point.normal, point.position) <= 0.0 ? 1.0 : -1.0;
+    uint bits = 0u;
+    rays = 0u;
+    for (uint i = 0u; i < frame.data.light_count; ++i) {
+        Light light = lights.data[i];
+        bool directional = light.kind == LIGHT_DIRECTIONAL;
+        vec3 towards = directional ? -light.direction : light.position - point.position;
+        if (!(dot(point.normal, towards) * viewer_side > 0.0)) {
+            continue;
+        }
+        vec3 origin = offset_origin(point, towards);
+        vec3 direction = directional ? towards : light.position - origin;
+        // A ray towards a point light ends at t = 1, the light itself.
+        float tmax = directional ? uintBitsToFloat(INFINITY_BITS) : 1.0;
+        ++rays;
+        bits |= traverse(origin, direction, tmax).primitive == HIT_SKY ? 1u << i : 0u;
+    }
+    return bits;
+}
+
+void main() {
+    uint slot = dense_index();
+    if (gl_LocalInvocationIndex == 0u) {
+        tally = 0u;
+    }
+    barrier();
+    if (slot < counters.data.samples) {
+        Found f = found.data[slot];
+        bool visible = f.primitive != FOUND_LOST && (f.instance & OCCLUDED_BIT) == 0u;
+        uint bits = 0u;
+        uint rays = 0u;
+        if (visible && f.instance != SKY_INSTANCE) {
+            bits = lights_reaching(f, rays);
+        }
+        lit.data[slot] = bits;
+        atomicAdd(tally, rays);
+    }
+    barrier();
+    if (gl_LocalInvocationIndex == 0u && tally != 0u) {
+        atomicAdd(counters.data.shadow_rays, tally);
+    }
+}
