@@ -3,6 +3,8 @@
 //!
 //! In bounds, `U` = 2^-24 is f32's unit roundoff. An addition or multiplication errs by 1 U of its result, Vulkan allows a
 //! division 2.5 ulp = 5 U, and an inverse square root 2 ulp = 4 U; a square root is one of those and a division, 9 U.
+#![allow(clippy::expect_used)] // a panic in a test's helper is a failing test
+
 mod support;
 
 use bytemuck::{Pod, Zeroable, cast_slice, pod_collect_to_vec};
