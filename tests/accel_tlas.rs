@@ -14,14 +14,14 @@ use stillray::shaders;
 #[test]
 fn an_instance_is_hit_in_a_crowd_as_alone() {
     let rng = &mut Rng::new(31);
-    let placed: Vec<(usize, DAffine3)> = (0..300).map(|i| (i % 2, rng.transform(20.0))).collect();
+    let placed: Vec<(usize, DAffine3)> = (0..300).map(|i| (i % 2, rng.transform(12.0))).collect();
     let meshes = || vec![icosphere(1), random_soup(&mut Rng::new(32), 40, 0.4)];
     let crowd = Built::new(meshes(), &placed, DVec3::ZERO);
     let alone: Vec<Built> = placed.iter().map(|p| Built::new(meshes(), &[*p], DVec3::ZERO)).collect();
     let mut hits = 0;
     for _ in 0..2000 {
         let query =
-            Query { origin: (rng.cube() * 30.0).as_vec3(), direction: rng.direction().as_vec3(), tmax: f32::INFINITY };
+            Query { origin: (rng.cube() * 15.0).as_vec3(), direction: rng.direction().as_vec3(), tmax: f32::INFINITY };
         let each = alone
             .iter()
             .enumerate()

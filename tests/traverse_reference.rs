@@ -2,49 +2,12 @@
 
 mod accel_support;
 
-use accel_support::{Built, Rng, crumpled, cube, icosphere, random_soup};
+use accel_support::rays::{random_query, worlds};
+use accel_support::{Built, Rng, icosphere};
 use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 use stillray::oracle::traverse::reference::{disagreement, intersect, is_sure};
 use stillray::oracle::traverse::{Query, any, closest};
-
-fn worlds() -> Vec<(&'static str, Built)> {
-    let rng = &mut Rng::new(1);
-    let one = |mesh| Built::one(mesh);
-    let meshes = |rng: &mut Rng| vec![random_soup(rng, 30, 0.5), cube(), crumpled(rng, 1)];
-    let placed = |rng: &mut Rng, n: usize, spread: f64| -> Vec<(usize, DAffine3)> {
-        (0..n).map(|i| (i % 3, rng.transform(spread))).collect()
-    };
-    let near = placed(rng, 12, 4.0);
-    let offset = DVec3::new(3e6, -5e5, 1e7);
-    let far =
-        near.iter().map(|(m, t)| (*m, DAffine3 { translation: t.translation + offset, ..*t })).collect::<Vec<_>>();
-    vec![
-        ("soup of small triangles", one(random_soup(rng, 400, 0.1))),
-        ("soup of large triangles", one(random_soup(rng, 150, 2.0))),
-        ("sphere", one(icosphere(2))),
-        ("instances", Built::new(meshes(rng), &near, DVec3::ZERO)),
-        ("instances far from the world's origin", Built::new(meshes(rng), &far, offset)),
-        ("instances far from the camera", Built::new(meshes(rng), &placed(rng, 12, 50.0), DVec3::splat(100.0))),
-    ]
-}
-
-/// From around the origin or from far out, in all directions, towards the axes in particular, and towards triangles.
-fn random_query(rng: &mut Rng, built: &Built) -> Query {
-    let origin = rng.cube() * rng.magnitude(0.1, 100.0);
-    let primitive = rng.below(built.geometry.triangles.len()) as u32;
-    let aim = built.instances.iter().position(|i| i.triangle_base <= primitive).unwrap();
-    let target = built.geometry.corners(primitive)[rng.below(3)];
-    let m = built.instances[rng.below(built.instances.len()).max(aim)].to_relative;
-    let target = DVec3::from_array(m.map(|r| (Vec3::new(r[0], r[1], r[2]).dot(target) + r[3]).into()));
-    let direction = match rng.below(4) {
-        0 => rng.direction(),
-        1 => DVec3::AXES[rng.below(3)] * rng.signed().signum(),
-        _ => (target + rng.cube() * 0.05 - origin).normalize_or(DVec3::X),
-    };
-    let tmax = if rng.below(4) == 0 { rng.magnitude(0.1, 100.0) as f32 } else { f32::INFINITY };
-    Query { origin: origin.as_vec3(), direction: direction.as_vec3(), tmax }
-}
 
 #[test]
 fn closest_hits_agree_with_exhaustive_search() {
