@@ -1,5 +1,7 @@
 //! The walk on the GPU finds what its CPU twin finds, and has no cracks either.
 
+#![allow(clippy::unwrap_used)] // helpers of tests, which may
+
 mod accel_support;
 mod support;
 

@@ -1,5 +1,6 @@
 //! What the tests of the acceleration structure share: seeded numbers, meshes, and a world put together from them.
-#![allow(dead_code)] // Each test crate uses its own part.
+#![allow(dead_code)] // each test crate uses its own part
+#![allow(clippy::unwrap_used)] // helpers of tests, which may
 
 pub mod rays;
 
