@@ -28,7 +28,7 @@ uint fraction(uint a, uint b) {
 
 void finish(uint total) {
     bool fits = total <= frame.data.capacity;
-    counters.data.thin = fits ? 0u : fraction(frame.data.capacity, total);
+    counters.data.thin = fits ? 0u : max(fraction(frame.data.capacity, total), 1u);  // 0 means that all fits
     uint high = total;
     uint low;
     if (!fits) {

@@ -20,23 +20,41 @@ layout(set = 0, binding = 12, std430) readonly buffer FoundBlock { Found data[];
 layout(set = 0, binding = 13, std430) readonly buffer Lit { uint data[]; } lit;
 layout(set = 0, binding = 14, std430) writeonly buffer ShadedBlock { Shaded data[]; } shaded;
 
+#include "brdf.glsl"
+#include "light.glsl"
+#include "material.glsl"
+#include "triangle.glsl"
+
 const Shaded NOT_VISIBLE = Shaded(0u, 0u, 0u, -1.0);
+
+SurfacePoint point_of(Found f, Instance inst) {
+    vec3 a;
+    vec3 b;
+    vec3 c;
+    uint p = f.primitive;
+    unpack_corners(corners.data[2u * p], corners.data[2u * p + 1u], rest.data[p], a, b, c);
+    return surface_point(inst.to_relative, inst.to_object, a, b, c, f.u, f.v);
+}
 
 vec3 surface_radiance(Found f, uint lit_bits) {
     Instance inst = instances.data[f.instance];
-    uint p = f.primitive;
-    vec4 a = corners.data[2u * p];
-    vec4 b = corners.data[2u * p + 1u];
-    SurfacePoint point = surface_point(inst.to_relative, inst.to_object, a.xyz, vec3(a.w, b.xy), vec3(b.zw, rest.data[p]), f.u, f.v);
-    vec3 n = dot(point.normal, point.position) <= 0.0 ? point.normal : -point.normal;
-    Material m = materials.data[triangles.data[p].material];
-    vec3 radiance = m.base_color.rgb * frame.data.environment.rgb;
+    Triangle corner = triangles.data[f.primitive];
+    Material material = materials.data[corner.material];
+    SurfacePoint point = point_of(f, inst);
+    vec3 view = unit_or(-point.position, point.normal);
+    Surface s = surface_at(material, inst, vertices.data[corner.vertex0], vertices.data[corner.vertex1],
+        vertices.data[corner.vertex2], f.u, f.v, point.normal, view);
+    if (s.unlit) {
+        return s.base_color;
+    }
+    vec3 ambient = reflect_uniform(s.base_color, s.metallic, s.roughness, s.normal, view);
+    vec3 radiance = s.emissive + ambient * frame.data.environment.rgb * s.occlusion;
     for (uint i = 0u; i < frame.data.light_count; ++i) {
-        Light light = lights.data[i];
-        if ((lit_bits >> i & 1u) == 0u) continue;
-        vec3 towards = light.kind == LIGHT_DIRECTIONAL ? -light.direction : light.position - point.position;
-        float d2 = light.kind == LIGHT_DIRECTIONAL ? 1.0 : dot(towards, towards);
-        radiance += m.base_color.rgb / 3.14159 * light.intensity * max(dot(n, normalize(towards)), 0.0) / d2;
+        if ((lit_bits >> i & 1u) != 0u) {
+            Incident incident = light_at(lights.data[i], point.position);
+            vec3 part = reflect_light(s.base_color, s.metallic, s.roughness, s.normal, view, incident.direction);
+            radiance += part * incident.irradiance;
+        }
     }
     return radiance;
 }
@@ -78,9 +96,5 @@ void main() {
     vec2 motion;
     float depth;
     locate(samples.data[slot], pixel, motion, depth);
-    uvec2 bytes = uvec2((pixel - floor(pixel)) * 256.0);
-    uint offset = bytes.x | (bytes.y << 8);
-    radiance = min(radiance, vec3(65504.0));
-    uint blue = packHalf2x16(vec2(radiance.b, 0.0)) | (offset << 16);
-    shaded.data[slot] = Shaded(packHalf2x16(radiance.rg), blue, packHalf2x16(motion), depth);
+    shaded.data[slot] = pack_shaded(radiance, pixel - floor(pixel), motion, depth);
 }

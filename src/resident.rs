@@ -5,6 +5,7 @@ use crate::gpu::image::Sampler;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Range, Resource};
 use crate::phase::SceneResources;
 use crate::progress::Progress;
+use crate::scene::atlas::{self, Atlas};
 use crate::scene::{AlphaMode, Environment, Light, Scene};
 use crate::{Error, Result};
 use ash::vk;
@@ -48,6 +49,8 @@ impl ResidentScene {
         }
         let geometry = Geometry::build(scene, &BvhBuildParams::medium_build(), progress)?;
         let upload = |purpose: &str, bytes: &[u8]| Buffer::with_data(context, purpose, bytes, FEWER_TRIANGLES);
+        let limits = &context.fit().properties.limits;
+        let pages = Atlas::pack(&scene.images, limits.max_image_dimension2_d, limits.max_image_array_layers)?;
         // The top level's nodes come first; every frame writes them.
         let mut nodes = vec![[0; 20]; geometry.tlas_capacity as usize];
         nodes.extend_from_slice(&geometry.nodes);
@@ -61,9 +64,9 @@ impl ResidentScene {
             rest: upload("triangle corners", bytemuck::cast_slice(&geometry.triangle_rest))?,
             triangles: upload("triangle indices", bytemuck::cast_slice(&geometry.triangles))?,
             vertices: upload("vertices", bytemuck::cast_slice(&geometry.vertices))?,
-            materials: upload("materials", bytemuck::cast_slice(&interim(scene)))?,
-            srgb: upload("sRGB table", &[0; 1024])?,
-            atlas: upload_atlas(context)?,
+            materials: upload("materials", bytemuck::cast_slice(&atlas::material_records(scene, &pages)))?,
+            srgb: upload("sRGB table", bytemuck::cast_slice(&atlas::srgb_table()))?,
+            atlas: upload_atlas(context, &pages)?,
             sampler: Sampler::new(context)?,
             geometry,
         })
@@ -98,23 +101,15 @@ impl ResidentScene {
     }
 }
 
-fn upload_atlas(context: &Context) -> Result<Image> {
+fn upload_atlas(context: &Context, pages: &Atlas) -> Result<Image> {
     let desc = ImageDesc {
         format: vk::Format::R8G8B8A8_UNORM,
-        extent: [1, 1],
-        layers: 1,
+        extent: pages.size,
+        layers: pages.layers,
         array: true,
         usage: vk::ImageUsageFlags::SAMPLED,
     };
     let image = Image::new(context, "textures", desc)?;
-    image.upload(context, &[255; 4])?;
+    image.upload(context, bytemuck::cast_slice(&pages.texels))?;
     Ok(image)
-}
-
-fn interim(scene: &Scene) -> Vec<crate::shaders::Material> {
-    scene
-        .materials
-        .iter()
-        .map(|m| crate::shaders::Material { base_color: m.base_color.to_array(), ..Default::default() })
-        .collect()
 }

@@ -37,14 +37,19 @@ uint bayer(uvec2 pixel) {
 // so, which overshoots: with d_target = 0.5 an empty region would fill to 1, empty, fill, and so on. The fraction is
 // therefore dithered over pixels: right on average, the same for whole numbers, and it settles.
 int sample_demand(uint count, uint quarters, float d_target, float d_tolerance, uvec2 pixel) {
-    precise float density = float(count) * 4.0 / float(quarters);
-    precise float lack = d_target - density;
-    if (!(abs(lack) >= d_tolerance)) {
+    // Everything times the window's area: Vulkan does not round divisions correctly, and a density that is off by an ulp
+    // would cross the tolerance or a whole number. Sums, products and comparisons are exact here.
+    float area = float(quarters);
+    precise float lack = d_target * area - float(4u * count);
+    // A tolerance above the target allows a density of 0, and would leave the frame black for ever: an empty window asks.
+    precise float allowed = (lack > 0.0 ? min(d_tolerance, d_target) : d_tolerance) * area;
+    if (!(abs(lack) >= allowed)) {
         return 0;
     }
-    precise float threshold = (float(bayer(pixel)) + 0.5) / 16.0;
-    precise float rounded = floor(abs(lack) + threshold);
-    int n = int(min(rounded, 16.0));
+    precise float scaled = abs(lack) + (float(bayer(pixel)) + 0.5) * 0.0625 * area;
+    int n = int(min(scaled / area, 16.0));
+    n -= int(float(n) * area > scaled);
+    n += int(n < 16 && float(n + 1) * area <= scaled);
     return lack < 0.0 ? -n : n;
 }
 

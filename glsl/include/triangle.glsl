@@ -10,9 +10,12 @@ void unpack_corners(vec4 first, vec4 second, float last, out vec3 a, out vec3 b,
     c = vec3(second.zw, last);
 }
 
-// The point with barycentric weights u of b and v of c. `precise`: a replaced and a new sample of the same hit agree.
+// The point with barycentric weights u of b and v of c. As surface_point() of ray.glsl has it,
+// to the bit: a replaced and a new sample of the same hit agree.
 vec3 triangle_point(vec3 a, vec3 b, vec3 c, float u, float v) {
-    precise vec3 p = a * (1.0 - u - v) + b * u + c * v;
+    precise vec3 ab = b - a;
+    precise vec3 ac = c - a;
+    precise vec3 p = a + (u * ab + v * ac);
     return p;
 }
 

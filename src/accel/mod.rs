@@ -11,7 +11,7 @@
 mod balanced;
 mod bvh;
 mod cluster;
-mod encode;
+pub(crate) mod encode;
 mod nodes;
 mod place;
 mod tlas;

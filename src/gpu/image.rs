@@ -115,14 +115,14 @@ impl Image {
         })
     }
 
-    /// Copies layer 0 of an image in layout GENERAL to a buffer that is large enough.
+    /// Copies an image in layout GENERAL to a buffer that is large enough, and leaves it in GENERAL.
     pub fn record_copy(&self, commands: vk::CommandBuffer, target: &Buffer) {
-        let layout = vk::ImageLayout::GENERAL;
+        let device = &self.context.device;
+        let (general, source) = (vk::ImageLayout::GENERAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        self.transition(device, commands, general, source);
         // SAFETY: the command buffer is recording; image and buffer belong to the same device.
-        unsafe {
-            let device = &self.context.device;
-            device.cmd_copy_image_to_buffer(commands, self.raw, layout, target.raw(), &[self.whole()]);
-        }
+        unsafe { device.cmd_copy_image_to_buffer(commands, self.raw, source, target.raw(), &[self.whole()]) };
+        self.transition(device, commands, source, general);
     }
 
     fn whole(&self) -> vk::BufferImageCopy {

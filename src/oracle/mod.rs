@@ -1,4 +1,15 @@
 //! The same phases on the CPU, in f64 where it matters: the known answers.
+pub mod analyze;
+pub mod bounded;
+pub mod camera;
+pub mod gather;
+pub mod generate;
 pub mod image;
+pub mod random;
+pub mod reconstruct;
+pub mod reproject;
+pub mod retain;
+pub mod scan;
 pub mod shade;
 pub mod traverse;
+pub mod triangle;

@@ -1,1 +1,13 @@
-//! See the map in lib.rs.
+//! What is handed to the user: pictures, tables and JSON. No rendering knowledge.
+//!
+//! Every file is written under a temporary name in its own folder and renamed when it is whole: see [`file`].
+
+pub mod apng;
+pub mod bench;
+pub mod file;
+pub mod json;
+pub mod openexr;
+pub mod png;
+pub mod statistics;
+pub mod table;
+pub mod tonemap;

@@ -7,6 +7,7 @@
 
 pub mod atlas;
 pub mod builtin;
+pub mod color;
 pub mod import;
 pub mod motion;
 pub mod pose;

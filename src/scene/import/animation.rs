@@ -124,13 +124,10 @@ impl Importer<'_> {
 /// they add up to is normalised (appendix C.4).
 fn rotations(document: &Document, values: &[[f32; 4]], per_key: usize, place: &str) -> Result<Vec<DQuat>> {
     let quaternion = |(index, value): (usize, &[f32; 4])| {
-        let (value, is_key) = (value.map(f64::from), per_key == 1 || index % 3 == 1);
+        let value = value.map(f64::from);
         let unit = unit_quaternion(value);
-        if per_key == 1 {
-            unit
-        } else {
-            unit.or((!is_key).then_some(DQuat::IDENTITY)).map(|_| DQuat::from_array(value))
-        }
+        let is_tangent = per_key == 3 && index % 3 != 1;
+        if per_key == 3 { (is_tangent || unit.is_some()).then_some(DQuat::from_array(value)) } else { unit }
     };
     let rotations: Option<Vec<DQuat>> = values.iter().enumerate().map(quaternion).collect();
     rotations.ok_or_else(|| document.bad(format!("{place} has a rotation that is zero: repair it")))

@@ -12,7 +12,7 @@ use crate::{Error, Result};
 
 /// The most vertices and triangles a file may hold in all. Beyond it no device that we know could hold the scene, and
 /// a small hostile file that uses the same data again and again is stopped.
-const MAX_ELEMENTS: u64 = 1 << 27;
+const MAX_ELEMENTS: u64 = 1 << 26;
 
 /// A glTF file with its buffers in memory.
 pub(super) struct Document {

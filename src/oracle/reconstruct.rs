@@ -1,0 +1,86 @@
+//! Reconstruction (paper 1, section 4.4): a 3 x 3 pixel truncated Gaussian over the samples around each pixel. Twin of
+//! `glsl/reconstruct.comp`, `glsl/include/filter.glsl` and `glsl/resolve.comp`, in f64 with a bound for the device.
+
+use super::bounded::Bounded;
+use super::camera;
+use crate::shaders::{FRAME_RESET, Frame, Shaded};
+use half::f16;
+
+/// Blocks without a sample widen up to this radius in pixels; a pixel without any sample in it is black.
+pub const WIDEST_RADIUS: i64 = 8;
+
+/// Standard deviation in pixels of the filter of the 3 x 3 block; it grows with the radius.
+pub const FILTER_SIGMA: f32 = 0.5;
+
+/// The film in row order: weighted sums of red, green and blue, and the sum of weights. `film` is what the film held
+/// before, for the accumulating variant.
+pub fn reconstruct(frame: &Frame, offsets: &[u32], shaded: &[Shaded], film: Option<&[[f32; 4]]>) -> Vec<[Bounded; 4]> {
+    let film = film.filter(|_| frame.flags & FRAME_RESET == 0);
+    let mut out = Vec::new();
+    for y in 0..i64::from(frame.size[1]) {
+        for x in 0..i64::from(frame.size[0]) {
+            let blocks = (1..=WIDEST_RADIUS).map(|radius| block(frame, offsets, shaded, [x, y], radius));
+            let mut sum = blocks.into_iter().find(|sum| sum[3].value > 0.0).unwrap_or_default();
+            if let Some(before) = film {
+                let before = before[out.len()].map(Bounded::exact);
+                sum = [0, 1, 2, 3].map(|i| sum[i] + before[i]);
+            }
+            out.push(sum);
+        }
+    }
+    out
+}
+
+/// Sums over the pixels up to `radius` around one, clipped to the frame.
+fn block(frame: &Frame, offsets: &[u32], shaded: &[Shaded], [px, py]: [i64; 2], radius: i64) -> [Bounded; 4] {
+    let [width, height] = frame.size.map(i64::from);
+    let mut sum = [Bounded::default(); 4];
+    for y in (py - radius).max(0)..=(py + radius).min(height - 1) {
+        for x in (px - radius).max(0)..=(px + radius).min(width - 1) {
+            let index = camera::pixel_index([x as u32, y as u32], frame.size);
+            for sample in &shaded[offsets[index] as usize..offsets[index + 1] as usize] {
+                let weighted = weighted_sample(sample, [(x - px) as f32, (y - py) as f32], radius);
+                sum = [0, 1, 2, 3].map(|i| sum[i] + weighted[i]);
+            }
+        }
+    }
+    sum
+}
+
+/// Position of a shaded sample in its pixel, in (0, 1).
+pub fn shaded_offset(sample: &Shaded) -> [Bounded; 2] {
+    let byte = |shift: u32| Bounded::exact((sample.color_b_offset >> shift & 255) as f32 + 0.5);
+    [16, 24].map(|shift| byte(shift) / Bounded::exact(256.0))
+}
+
+/// Scene-linear red, green and blue of a shaded sample.
+pub fn shaded_color(sample: &Shaded) -> [f32; 3] {
+    [sample.color_rg, sample.color_rg >> 16, sample.color_b_offset].map(|bits| f16::from_bits(bits as u16).to_f32())
+}
+
+/// Colour times weight, and the weight, of a sample in the pixel `away` from the one that is reconstructed.
+fn weighted_sample(sample: &Shaded, away: [f32; 2], radius: i64) -> [Bounded; 4] {
+    if sample.depth < 0.0 {
+        return [Bounded::default(); 4];
+    }
+    let offset = shaded_offset(sample);
+    let half = Bounded::exact(0.5);
+    let [dx, dy] = [0, 1].map(|i| Bounded::exact(away[i]) + offset[i] - half);
+    let width = Bounded::exact(FILTER_SIGMA) * Bounded::exact(radius as f32);
+    let two = Bounded::exact(2.0);
+    let weight = (-(dx * dx + dy * dy) / (two * width * width)).exp();
+    let [r, g, b] = shaded_color(sample).map(|c| Bounded::exact(c) * weight);
+    [r, g, b, weight]
+}
+
+/// What `resolve` makes of a film's entry: scene-linear RGB, at most `largest`; black without weight.
+pub fn resolve(sum: [f32; 4], largest: f32) -> [Bounded; 3] {
+    let [r, g, b, weight] = sum.map(Bounded::exact);
+    if weight.value <= 0.0 {
+        return [Bounded::default(); 3];
+    }
+    [r, g, b].map(|c| {
+        let mean = c / weight;
+        Bounded { value: mean.value.min(f64::from(largest)), ..mean }
+    })
+}

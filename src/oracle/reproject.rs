@@ -1,0 +1,115 @@
+//! Reprojection (paper 1, section 4.1): which cached sample takes which subpixel. Twin of `glsl/reproject.comp`.
+
+use super::bounded::Bounded;
+use super::camera::{self, M, Projection};
+use crate::shaders::{FRAME_RESET, Frame, INSTANCE_MASK, Instance, OCCLUDED_BIT, SKY_INSTANCE, Sample};
+
+/// A subpixel that nothing has claimed.
+pub const UNCLAIMED: u32 = u32::MAX;
+
+/// Outcome of the phase.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reprojected {
+    /// 16 words a pixel, by subpixel: index of the winning sample, bit 31 if it is occluded, or [`UNCLAIMED`].
+    pub claims: Vec<u32>,
+    /// A word a pixel: occupied subpixels in the low half, those with an unoccluded sample in the high half.
+    pub masks: Vec<u32>,
+}
+
+/// A subpixel of the frame: index of the pixel in list order, and bit index in the pixel.
+pub type Subpixel = (usize, u32);
+
+/// Where a sample may land on a device that keeps Vulkan's precision.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Landing {
+    /// Nowhere: behind the camera, beside the frame, or of an instance that is gone.
+    Nowhere,
+    /// On this subpixel.
+    On(Subpixel),
+    /// On any of these, or nowhere if it is within the error of the frame's border.
+    Among(Vec<Subpixel>),
+    /// On any subpixel at all, or nowhere: so near the camera that its direction is noise, or at no number.
+    Anywhere,
+}
+
+/// Reprojects all samples, the older first. Of those that meet on a subpixel an unoccluded one wins over occluded ones,
+/// then the older one.
+pub fn reproject(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> Reprojected {
+    let pixels = (frame.size[0] * frame.size[1]) as usize;
+    let mut claims = vec![UNCLAIMED; pixels * (M * M) as usize];
+    let mut masks = vec![0; pixels];
+    if frame.flags & FRAME_RESET != 0 {
+        return Reprojected { claims, masks };
+    }
+    for (i, sample) in samples.iter().enumerate() {
+        let Some((pixel, subpixel)) = landing(frame, instances, sample) else { continue };
+        let occluded = sample.instance & OCCLUDED_BIT != 0;
+        let claim = &mut claims[pixel * (M * M) as usize + subpixel as usize];
+        let holder_is_occluded = *claim & OCCLUDED_BIT != 0;
+        if *claim == UNCLAIMED {
+            *claim = if occluded { OCCLUDED_BIT | i as u32 } else { i as u32 };
+        } else if holder_is_occluded && !occluded {
+            *claim = i as u32;
+        }
+        masks[pixel] |= 1 << subpixel;
+        if !occluded {
+            masks[pixel] |= 1 << (subpixel + M * M);
+        }
+    }
+    Reprojected { claims, masks }
+}
+
+/// The subpixel that a sample projects to, in f32 and in the shader's order.
+pub fn landing(frame: &Frame, instances: &[Instance], sample: &Sample) -> Option<Subpixel> {
+    let relative = match space(frame, sample)? {
+        Some(instance) => camera::transform_point(&instances[instance].to_relative, sample.position),
+        None => sample.position,
+    };
+    let position = camera::project(frame, relative)?;
+    let pixel = camera::pixel_of(position, frame.size);
+    Some((camera::pixel_index(pixel, frame.size), camera::subpixel_of(position, pixel)))
+}
+
+/// The same with every rounding error accounted for.
+pub fn landing_bounded(frame: &Frame, instances: &[Instance], sample: &Sample) -> Landing {
+    let relative = match space(frame, sample) {
+        None => return Landing::Nowhere,
+        Some(Some(instance)) => camera::transform_bounded(&instances[instance].to_relative, sample.position),
+        Some(None) => sample.position.map(Bounded::exact),
+    };
+    let (position, inside) = match camera::project_bounded(frame, relative) {
+        Projection::Outside => return Landing::Nowhere,
+        Projection::Inside(position) => (position, true),
+        Projection::Border(position) => (position, false),
+    };
+    if position.iter().any(|p| !p.error.is_finite()) {
+        return Landing::Anywhere;
+    }
+    let [columns, rows] = [0, 1].map(|axis| reached(position[axis], frame.size[axis]));
+    let all: Vec<Subpixel> =
+        rows.flat_map(|y| columns.clone().map(move |x| [x, y])).map(|at| subpixel_at(at, frame.size)).collect();
+    match all.as_slice() {
+        [one] if inside => Landing::On(*one),
+        _ => Landing::Among(all),
+    }
+}
+
+/// The space a sample's position is in: `None` if it is lost, `Some(None)` for a direction of the sky.
+fn space(frame: &Frame, sample: &Sample) -> Option<Option<usize>> {
+    match sample.instance & INSTANCE_MASK {
+        instance if instance < frame.instance_count => Some(Some(instance as usize)),
+        SKY_INSTANCE => Some(None),
+        _ => None,
+    }
+}
+
+/// Subpixels of the whole frame, along one axis, that a coordinate in pixels may lie in.
+fn reached(position: Bounded, size: u32) -> std::ops::RangeInclusive<u32> {
+    let last = f64::from(size * M - 1);
+    let at = |p: f64| (p * f64::from(M)).floor().clamp(0.0, last) as u32;
+    at(position.value - position.error)..=at(position.value + position.error)
+}
+
+fn subpixel_at(at: [u32; 2], size: [u32; 2]) -> Subpixel {
+    (camera::pixel_index(at.map(|v| v / M), size), at[1] % M * M + at[0] % M)
+}

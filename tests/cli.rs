@@ -1,0 +1,163 @@
+//! The program answers wrong words with one line and exit code 2, failures with one line and exit code 1, and leaves
+//! nothing behind. Nothing here needs a device.
+
+#![allow(clippy::unwrap_used, reason = "a panic in a test's helper is a failing test")]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+fn stillray(arguments: &[&str]) -> Output {
+    stillray_in(Path::new("."), arguments)
+}
+
+fn stillray_in(folder: &Path, arguments: &[&str]) -> Output {
+    // A backtrace would be several lines: with this in the environment, one that is possible would be seen.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stillray"));
+    command.current_dir(folder).env("RUST_BACKTRACE", "1").args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// Fails with this code, one line on standard error that contains `word`, and nothing on standard output.
+fn check_refusal(output: &Output, code: i32, word: &str) -> Result<(), String> {
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    let one_line = err.ends_with('\n') && err.lines().count() == 1 && err.starts_with("error: ");
+    if output.status.code() == Some(code) && one_line && err.contains(word) && out.is_empty() {
+        return Ok(());
+    }
+    Err(format!("exit {:?} instead of {code} with '{word}'\nstdout: {out}\nstderr: {err}", output.status.code()))
+}
+
+#[test]
+fn help_and_version_are_no_errors() {
+    for arguments in [&["--help"][..], &["-h"], &["help"], &["render", "--help"], &["bench", "-h"], &["info", "--help"]]
+    {
+        let output = stillray(arguments);
+        assert!(output.status.success() && output.stderr.is_empty(), "{arguments:?}");
+        assert!(text(&output.stdout).contains("Usage: stillray"), "{arguments:?}");
+    }
+    let version = text(&stillray(&["--version"]).stdout);
+    assert_eq!(version, format!("stillray {}\n", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn every_option_of_render_is_in_its_help() {
+    let help = text(&stillray(&["render", "--help"]).stdout);
+    let options = "method density tolerance spp jitter passes size frames fps motion camera out format aov float exposure \
+                   seed device json quiet preview";
+    for option in options.split_whitespace() {
+        assert!(help.contains(&format!("--{option}")), "--{option}");
+    }
+    for motion in ["static", "rotate", "pan", "zoom", "orbit", "dolly"] {
+        assert!(help.contains(motion), "{motion}");
+    }
+}
+
+#[test]
+fn wrong_words_are_usage_errors_that_name_the_option() {
+    let cases: &[(&[&str], &str)] = &[
+        (&[], "no command"),
+        (&["paint"], "paint"),
+        (&["render", "--sp", "1"], "--spp"),
+        (&["render", "--method", "fancy"], "--method"),
+        (&["render", "--density", "0.06"], "--density"),
+        (&["render", "--density", "-1"], "--density"),
+        (&["render", "--density", "nan"], "--density"),
+        (&["render", "--density"], "--density"),
+        (&["render", "--tolerance", "16.5"], "--tolerance"),
+        (&["render", "--spp", "0"], "--spp"),
+        (&["render", "--spp", "17"], "--spp"),
+        (&["render", "--size", "640"], "--size"),
+        (&["render", "--size", "0x480"], "--size"),
+        (&["render", "--size", "16385x1"], "--size"),
+        (&["render", "--frames", "0"], "--frames"),
+        (&["render", "--fps", "0"], "--fps"),
+        (&["render", "--motion", "wobble"], "--motion"),
+        (&["render", "--format", "gif"], "--format"),
+        (&["render", "--format", "png,"], "--format"),
+        (&["render", "--aov", "beauty", "--format", "exr"], "--aov"),
+        (&["render", "--aov", "depth", "--format", "png"], "--aov"),
+        (&["render", "--float"], "--float"),
+        (&["render", "--exposure", "99"], "--exposure"),
+        (&["render", "--seed", "-1"], "--seed"),
+        (&["render", "--method", "supersample", "--density", "2"], "--density"),
+        (&["render", "--method", "reference", "--tolerance", "2"], "--tolerance"),
+        (&["render", "--spp", "2"], "--spp"),
+        (&["render", "--jitter"], "--jitter"),
+        (&["render", "--passes", "2"], "--passes"),
+        (&["render", "a.gltf", "b.gltf"], "b.gltf"),
+        (&["render", "builtin:teapot"], "teapot"),
+        (&["bench", "--methods", "stable:17"], "--methods"),
+        (&["bench", "--methods", "magic:1"], "--methods"),
+        (&["bench", "--methods", "stable:1,stable:1"], "--methods"),
+        (&["bench", "--frames", "0"], "--frames"),
+        (&["info", "--size", "x"], "--size"),
+        (&["info", "builtin:teapot"], "teapot"),
+    ];
+    let wrong: Vec<String> = cases
+        .iter()
+        .filter_map(|(arguments, word)| {
+            check_refusal(&stillray(arguments), 2, word).err().map(|e| format!("{arguments:?}: {e}"))
+        })
+        .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn the_check_of_refusals_can_fail() {
+    let refused = stillray(&["render", "--spp", "0"]);
+    assert!(check_refusal(&refused, 2, "--spp").is_ok());
+    assert!(check_refusal(&refused, 1, "--spp").is_err());
+    assert!(check_refusal(&refused, 2, "--density").is_err());
+    assert!(check_refusal(&stillray(&["--version"]), 0, "stillray").is_err());
+}
+
+#[test]
+fn a_missing_scene_fails_before_anything_is_made() {
+    let dir = tempfile::tempdir().unwrap();
+    for command in ["render", "bench"] {
+        let output = stillray_in(dir.path(), &[command, "no such näme.gltf"]);
+        check_refusal(&output, 1, "no such näme.gltf").unwrap();
+    }
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_scene_that_is_no_scene_fails() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, content) in [("a.gltf", &b"no JSON"[..]), ("b.glb", b"glTF\x02"), ("c.txt", b""), ("d.gltf", b"{}")] {
+        fs::write(dir.path().join(name), content).unwrap();
+        check_refusal(&stillray_in(dir.path(), &["render", name]), 1, name).unwrap();
+    }
+    check_refusal(&stillray_in(dir.path(), &["render", "."]), 1, ".").unwrap();
+}
+
+#[test]
+fn a_target_that_cannot_be_written_fails_with_its_name() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("file"), "").unwrap();
+    let scene = "builtin:cornell";
+    for (option, target) in [("--out", "file/frames"), ("--json", "gone/a.json"), ("--preview", "gone/a.png")] {
+        let output = stillray_in(dir.path(), &["render", scene, option, target]);
+        check_refusal(&output, 1, target).unwrap();
+    }
+    check_refusal(&stillray_in(dir.path(), &["bench", scene, "--json", "."]), 1, ".").unwrap();
+}
+
+/// `stillray --help | true`: the reader is gone before the program writes.
+#[test]
+fn a_reader_that_has_seen_enough_is_no_failure() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_stillray"))
+        .args(["render", "--help"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{:?} {}", output.status, text(&output.stderr));
+    assert!(output.stderr.is_empty(), "{}", text(&output.stderr));
+}

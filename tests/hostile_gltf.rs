@@ -1,0 +1,451 @@
+//! Damaged and hostile glTF files end in an error or in a scene, never in a panic, and never take the machine's memory:
+//! real files and one that uses everything, mutated by the thousand, from fixed seeds.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
+#[path = "support/gltf.rs"]
+mod gltf;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use glam::DAffine3;
+use gltf::{File, push};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use stillray::scene::{import, requirements};
+
+/// How many mutations are tried of each kind.
+const INPUTS: usize = 8000;
+/// Real models with more than this in their folder would make the test slow.
+const MAX_FOLDER: u64 = 150 << 10;
+
+/// SplitMix64 (Steele et al. 2014): any seed is a good one.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        (self.next() % n.max(1) as u64) as usize
+    }
+
+    fn pick<'a, T>(&mut self, from: &'a [T]) -> &'a T {
+        &from[self.below(from.len())]
+    }
+}
+
+/// A file that loads, taken apart.
+struct Original {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    json: Value,
+    binary: Option<Vec<u8>>,
+}
+
+impl Original {
+    fn new(path: &Path, bytes: Vec<u8>) -> Self {
+        if !bytes.starts_with(b"glTF") {
+            return Self { path: path.to_owned(), json: serde_json::from_slice(&bytes).unwrap(), bytes, binary: None };
+        }
+        let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+        let json = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+        let binary = Some(bytes[28 + length..].to_vec());
+        Self { path: path.to_owned(), bytes, json, binary }
+    }
+
+    fn assemble(&self, json: Value, binary: Option<Vec<u8>>) -> Vec<u8> {
+        match binary {
+            Some(data) => File { json, data }.glb_as_is(),
+            None => serde_json::to_vec(&json).unwrap(),
+        }
+    }
+}
+
+impl File {
+    /// As `glb`, but with the buffers that the JSON has.
+    fn glb_as_is(&self) -> Vec<u8> {
+        let mut text = serde_json::to_vec(&self.json).unwrap();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let mut out = b"glTF\x02\0\0\0".to_vec();
+        out.extend(((28 + text.len() + self.data.len()) as u32).to_le_bytes());
+        for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &self.data)] {
+            out.extend((chunk.len() as u32).to_le_bytes());
+            out.extend(kind);
+            out.extend(chunk);
+        }
+        out
+    }
+}
+
+/// A file that uses whatever import knows.
+fn everything() -> File {
+    let transform =
+        json!({ "KHR_texture_transform": { "offset": [0.5, 0], "rotation": 1, "scale": [2, 1], "texCoord": 1 } });
+    let mut file = File::textured(json!({
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [1, 1, 1, 0.5],
+            "baseColorTexture": { "index": 0, "extensions": transform },
+            "metallicRoughnessTexture": { "index": 1, "texCoord": 1 },
+        },
+        "normalTexture": { "index": 1, "extensions": transform },
+        "occlusionTexture": { "index": 0, "strength": 0.5 },
+        "emissiveTexture": { "index": 0 },
+        "emissiveFactor": [1, 1, 1],
+        "alphaMode": "MASK",
+        "alphaCutoff": 0.5,
+        "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 2 }, "KHR_materials_sheen": {} },
+    }));
+    file.attribute("TEXCOORD_1", &[[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [2.0, 2.0]]);
+    file.attribute("COLOR_0", &[[1.0, 0.5, 0.25]; 4]);
+    let mut strip = file.json["meshes"][0]["primitives"][0].clone();
+    strip["mode"] = json!(5);
+    strip.as_object_mut().unwrap().remove("indices");
+    push(&mut file.json["meshes"][0]["primitives"], strip);
+    file.attribute("NORMAL", &[[0.0, 0.0, 1.0]; 4]);
+    file.attribute("TANGENT", &[[1.0, 0.0, 0.0, 1.0]; 4]);
+    let (indices, values) = (file.view(&[1, 3]), file.view(&[[0; 12], [1; 12]].concat()));
+    let position = file.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"].as_u64().unwrap() as usize;
+    file.json["accessors"][position]["sparse"] = json!({
+        "count": 2,
+        "indices": { "bufferView": indices, "componentType": gltf::U8, "byteOffset": 0 },
+        "values": { "bufferView": values, "byteOffset": 0 },
+    });
+    file.json["samplers"] = json!([{ "magFilter": 9728, "wrapS": 33071, "wrapT": 33648 }]);
+    file.json["textures"][0]["sampler"] = json!(0);
+    file.json["cameras"] =
+        json!([{ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1, "aspectRatio": 1 } }]);
+    file.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [
+        { "type": "spot", "intensity": 9, "range": 3, "color": [1, 1, 0], "spot": { "innerConeAngle": 0.1, "outerConeAngle": 1 } },
+        { "type": "directional" },
+    ] } });
+    file.json["nodes"] = json!([
+        { "mesh": 0, "children": [1, 2], "rotation": [0, 0, 0, 1], "scale": [1, 2, 3], "translation": [1, 1, 1] },
+        { "camera": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 2, 3, 1], "children": [3] },
+        { "mesh": 0, "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+        { "name": "leaf", "extensions": { "KHR_lights_punctual": { "light": 1 } } },
+    ]);
+    file.animate("rotation", "CUBICSPLINE", &[0.0, 1.0], &[[0.0, 0.0, 0.0, 1.0]; 6]);
+    file.animate("scale", "LINEAR", &[0.0, 1.0], &[[1.0; 3]; 2]);
+    file.json["scenes"] = json!([{ "nodes": [0] }, { "nodes": [3] }]);
+    file.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    file.json["extensionsRequired"] = json!(["KHR_texture_transform"]);
+    file
+}
+
+fn originals() -> Vec<Original> {
+    let mut out = vec![
+        Original::new(Path::new("everything.gltf"), everything().gltf()),
+        Original::new(Path::new("everything.glb"), everything().glb()),
+    ];
+    let Some(folder) = gltf::shared_scenes() else { return out };
+    for path in gltf::models(&folder) {
+        let files = std::fs::read_dir(path.parent().unwrap()).unwrap();
+        let size: u64 = files.map(|file| file.unwrap().metadata().unwrap().len()).sum();
+        if size <= MAX_FOLDER {
+            out.push(Original::new(&path, std::fs::read(&path).unwrap()));
+        }
+    }
+    out
+}
+
+/// Flips bits, overwrites runs, cuts off, or cuts out.
+fn damage(bytes: &mut Vec<u8>, random: &mut Random) {
+    match random.below(5) {
+        0 => bytes.truncate(random.below(bytes.len())),
+        1 => {
+            let from = random.below(bytes.len());
+            let to = (from + random.below(64)).min(bytes.len());
+            bytes.drain(from..to);
+        }
+        2 => {
+            let (from, value) = (random.below(bytes.len()), *random.pick(&[0, 0xff, 0x7f, b'9', b'[']));
+            bytes.iter_mut().skip(from).take(1 + random.below(16)).for_each(|byte| *byte = value);
+        }
+        _ => {
+            for _ in 0..1 + random.below(8) {
+                let at = random.below(bytes.len());
+                if let Some(byte) = bytes.get_mut(at) {
+                    *byte ^= 1 << random.below(8);
+                }
+            }
+        }
+    }
+}
+
+/// Numbers that indices, counts, sizes and factors should not be.
+fn number(random: &mut Random) -> Value {
+    let choices = [
+        json!(0),
+        json!(1),
+        json!(-1),
+        json!(2),
+        json!(3),
+        json!(4),
+        json!(7),
+        json!(127),
+        json!(255),
+        json!(65535),
+        json!(5121),
+        json!(5125),
+        json!(5126),
+        json!(i32::MAX),
+        json!(u32::MAX),
+        json!(1u64 << 32),
+        json!(i64::MAX),
+        json!(u64::MAX),
+        json!(u64::MAX - 3),
+        json!(i64::MIN),
+        json!(0.5),
+        json!(-0.0),
+        json!(1e-40),
+        json!(3e38),
+        json!(-3e38),
+        json!(1e39),
+        json!(1e300),
+        json!(100_000_000),
+        json!(1 << 22),
+    ];
+    if random.below(3) == 0 { json!(random.below(40)) } else { random.pick(&choices).clone() }
+}
+
+fn value(random: &mut Random) -> Value {
+    match random.below(8) {
+        0 => json!(null),
+        1 => json!(random.pick(&[
+            "",
+            "SCALAR",
+            "VEC4",
+            "MAT4",
+            "STEP",
+            "CUBICSPLINE",
+            "BLEND",
+            "../../x",
+            "data:,",
+            "a%zz"
+        ])),
+        2 => json!([]),
+        3 => json!({}),
+        4 => json!([0, 1, 2, 3]),
+        _ => number(random),
+    }
+}
+
+/// Pointers to all values of a tree, the numbers among them first.
+fn pointers(tree: &Value, here: &str, numbers: &mut Vec<String>, others: &mut Vec<String>) {
+    let mut visit = |key: &str, child: &Value| {
+        let there = format!("{here}/{}", key.replace('~', "~0").replace('/', "~1"));
+        if child.is_number() { &mut *numbers } else { &mut *others }.push(there.clone());
+        pointers(child, &there, numbers, others);
+    };
+    match tree {
+        Value::Object(map) => map.iter().for_each(|(key, child)| visit(key, child)),
+        Value::Array(array) => array.iter().enumerate().for_each(|(i, child)| visit(&i.to_string(), child)),
+        _ => {}
+    }
+}
+
+fn remove(tree: &mut Value, pointer: &str) {
+    let Some((parent, key)) = pointer.rsplit_once('/') else { return };
+    match tree.pointer_mut(parent) {
+        Some(Value::Object(map)) => drop(map.remove(&key.replace("~1", "/").replace("~0", "~"))),
+        Some(Value::Array(array)) => drop(array.remove(key.parse().unwrap())),
+        _ => {}
+    }
+}
+
+/// Changes values of the JSON, mostly numbers.
+fn rewrite(json: &mut Value, random: &mut Random) {
+    for _ in 0..1 + random.below(3) {
+        let (mut numbers, mut others) = (Vec::new(), Vec::new());
+        pointers(json, "", &mut numbers, &mut others);
+        match random.below(8) {
+            0 if !others.is_empty() => remove(json, random.pick::<String>(&others)),
+            1 if !others.is_empty() => {
+                let new = value(random);
+                json.pointer_mut(random.pick::<String>(&others)).map(|old| *old = new).unwrap_or_default();
+            }
+            2 => {
+                // A node becomes a child of another one, which may be its descendant.
+                let (parent, child) = (random.below(6), random.below(6));
+                if let Some(node) = json.pointer_mut(&format!("/nodes/{parent}")).filter(|node| node.is_object()) {
+                    push_child(node, child);
+                }
+            }
+            3 if numbers.len() > 1 => {
+                let from = json.pointer(random.pick::<String>(&numbers)).cloned().unwrap_or_default();
+                json.pointer_mut(random.pick::<String>(&numbers)).map(|old| *old = from).unwrap_or_default();
+            }
+            _ if !numbers.is_empty() => {
+                let new = number(random);
+                json.pointer_mut(random.pick::<String>(&numbers)).map(|old| *old = new).unwrap_or_default();
+            }
+            _ => {}
+        }
+    }
+}
+
+fn push_child(node: &mut Value, child: usize) {
+    match &mut node["children"] {
+        Value::Array(children) => children.push(json!(child)),
+        other => *other = json!([child]),
+    }
+}
+
+/// Puts numbers that are none, or too large, into the binary chunk.
+fn poison(binary: &mut [u8], random: &mut Random) {
+    for _ in 0..1 + random.below(4) {
+        let words: [u32; 8] = [
+            f32::NAN.to_bits(),
+            f32::INFINITY.to_bits(),
+            f32::MAX.to_bits(),
+            1,
+            u32::MAX,
+            0,
+            f32::MIN.to_bits(),
+            0x8000_0000,
+        ];
+        let at = random.below(binary.len() / 4) * 4;
+        if let Some(word) = binary.get_mut(at..at + 4) {
+            word.copy_from_slice(&random.pick(&words).to_le_bytes());
+        }
+    }
+}
+
+/// The file that belongs to a seed.
+fn mutate(original: &Original, random: &mut Random) -> Vec<u8> {
+    let mut json = original.json.clone();
+    match random.below(6) {
+        0 | 1 => {
+            let mut bytes = original.bytes.clone();
+            damage(&mut bytes, random);
+            bytes
+        }
+        2 if original.binary.is_some() => {
+            let mut binary = original.binary.clone().unwrap_or_default();
+            if random.below(2) == 0 {
+                poison(&mut binary, random);
+            } else {
+                damage(&mut binary, random);
+            }
+            original.assemble(json, Some(binary))
+        }
+        _ => {
+            rewrite(&mut json, random);
+            original.assemble(json, original.binary.clone())
+        }
+    }
+}
+
+/// Loads and does with the scene what the program does; returns whether it loads.
+fn try_out(bytes: &[u8], path: &Path) -> bool {
+    let Ok(scene) = import::load_slice(bytes, path, None) else { return false };
+    let pose = scene.pose(0.7);
+    let bounds = scene.bounds(&scene.pose(0.0));
+    assert!(bounds.is_some_and(|(low, high)| low.is_finite() && high.is_finite()), "bounds {bounds:?}");
+    assert_eq!(pose.instances.len(), scene.instances.len());
+    assert!(pose.instances.iter().all(DAffine3::is_finite) && pose.cameras.iter().all(|c| c.rotation.is_finite()));
+    assert!(pose.lights.iter().all(|l| l.position.is_finite() && l.direction.is_finite()));
+    for mesh in &scene.meshes {
+        let count = mesh.positions.len();
+        assert!(mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < count));
+        assert!(mesh.positions.iter().all(|p| p.is_finite()) && mesh.normals.iter().all(|n| n.is_finite()));
+        assert!(mesh.tangents.iter().all(|t| t.is_finite()) && mesh.normals.len() == count);
+        assert!(mesh.triangle_materials.iter().all(|&m| (m as usize) < scene.materials.len()));
+    }
+    assert!(!requirements::inspect(&scene).features.is_empty());
+    true
+}
+
+/// The most memory the process has had, where the system says.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? << 10)
+}
+
+#[test]
+fn no_mutated_file_makes_the_importer_panic() {
+    let originals = originals();
+    let loadable = originals.iter().filter(|o| try_out(&o.bytes, &o.path)).count();
+    assert!(loadable >= 2, "the originals load: else mutating them proves nothing");
+    let accepted = AtomicUsize::new(0);
+    let failures: Vec<(u64, Duration, Option<String>)> = (0..INPUTS as u64)
+        .into_par_iter()
+        .map(|seed| {
+            let mut random = Random(seed);
+            let original = &originals[random.below(originals.len())];
+            let bytes = mutate(original, &mut random);
+            let start = Instant::now();
+            let result = catch_unwind(AssertUnwindSafe(|| try_out(&bytes, &original.path)));
+            accepted.fetch_add(usize::from(matches!(result, Ok(true))), Ordering::Relaxed);
+            let failure = result.err().map(|_| format!("seed {seed}, a mutation of {}", original.path.display()));
+            (seed, start.elapsed(), failure)
+        })
+        .collect();
+    let slowest = failures.iter().max_by_key(|(_, time, _)| *time).unwrap();
+    let accepted = accepted.into_inner();
+    println!("{INPUTS} mutations of {} files: {accepted} load, the rest is refused", originals.len());
+    println!("slowest: {:?} (seed {}), peak memory: {:?} bytes", slowest.1, slowest.0, peak_memory());
+    let panics: Vec<&String> = failures.iter().filter_map(|(_, _, failure)| failure.as_ref()).collect();
+    assert!(panics.is_empty(), "{} inputs panic: {panics:#?}", panics.len());
+    // Both ways out are taken, else the mutations are too tame or too wild to show anything.
+    assert!(accepted * 20 > INPUTS, "only {accepted} mutations load");
+    assert!((INPUTS - accepted) * 5 > INPUTS, "only {} mutations are refused", INPUTS - accepted);
+    // The originals take a few megabytes; a count that is trusted would take gigabytes.
+    assert!(peak_memory().is_none_or(|bytes| bytes < 2 << 30), "{:?} bytes", peak_memory());
+}
+
+#[test]
+fn the_harness_notices_a_panic() {
+    let result = catch_unwind(|| try_out(b"", Path::new("")) || std::hint::black_box(Vec::<u8>::new())[0] == 0);
+    assert!(result.is_err());
+}
+
+/// Small files that multiply what they hold.
+#[test]
+fn amplification_is_stopped() {
+    let mut file = File::triangle();
+    let n = 1 << 16;
+    let positions = vec![[1.0, 2.0, 3.0]; n];
+    file.attribute("POSITION", &positions);
+    let primitive = file.json["meshes"][0]["primitives"][0].clone();
+    file.json["meshes"][0]["primitives"] = vec![primitive; 4096].into();
+    let message = file.message();
+    assert!(message.contains("split the scene"), "{message}");
+
+    let mut file = File::textured(json!({ "emissiveTexture": { "index": 0 } }));
+    let white = gltf::png(image::DynamicImage::new_luma8(8192, 8192));
+    let uri = gltf::data_uri("image/png", &white);
+    let count = 5;
+    file.json["images"] = (0..count).map(|_| json!({ "uri": uri })).collect();
+    file.json["textures"] = (0..count).map(|i| json!({ "source": i })).collect();
+    file.json["materials"] = (0..count).map(|i| json!({ "emissiveTexture": { "index": i } })).collect();
+    let primitive = file.json["meshes"][0]["primitives"][0].clone();
+    for material in 1..count {
+        let mut primitive = primitive.clone();
+        primitive["material"] = json!(material);
+        push(&mut file.json["meshes"][0]["primitives"], primitive);
+    }
+    let message = file.message();
+    assert!(message.contains("texels in all images"), "{message}");
+}
+
+#[test]
+fn deeply_nested_json_is_refused() {
+    let nested = format!("{}{}", "[".repeat(1 << 20), "]".repeat(1 << 20));
+    assert!(!try_out(nested.as_bytes(), Path::new("x")));
+    let nested = format!(
+        r#"{{"asset":{{"version":"2.0"}},"extras":{}1{}}}"#,
+        r#"{"extensions":"#.repeat(1000),
+        "}".repeat(1000)
+    );
+    assert!(!try_out(nested.as_bytes(), Path::new("x")));
+}

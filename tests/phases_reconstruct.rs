@@ -1,0 +1,279 @@
+//! Reconstruction and resolve agree with their CPU twins within the error that Vulkan's precision allows, and give what
+//! can be said beforehand in simple cases.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
+mod support;
+
+use ash::vk;
+use bytemuck::Zeroable;
+use half::f16;
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestRunner};
+use stillray::gpu::submit::Submitter;
+use stillray::gpu::{Buffer, Context, Image, ImageDesc, Place};
+use stillray::oracle::bounded::Bounded;
+use stillray::oracle::camera::{pixel_index, pixels_in_order};
+use stillray::oracle::reconstruct::{WIDEST_RADIUS, reconstruct, resolve};
+use stillray::shaders::{self, FRAME_RESET, Frame, Shaded};
+use support::kernel::{Bound, Kernel, blank, data, values};
+use support::random::{Random, SIZES};
+
+#[derive(Clone)]
+struct Inputs {
+    frame: Frame,
+    offsets: Vec<u32>,
+    shaded: Vec<Shaded>,
+}
+
+fn shaded(color: [f32; 3], offset: [u32; 2], depth: f32) -> Shaded {
+    let [r, g, b] = color.map(|c| u32::from(f16::from_f32(c).to_bits()));
+    Shaded { color_rg: r | g << 16, color_b_offset: b | offset[0] << 16 | offset[1] << 24, motion: 0, depth }
+}
+
+impl Inputs {
+    fn new(size: [u32; 2], mut samples: impl FnMut([u32; 2]) -> Vec<Shaded>) -> Self {
+        let mut inputs = Self { frame: Frame { size, ..Frame::zeroed() }, offsets: vec![0], shaded: Vec::new() };
+        for pixel in pixels_in_order(size) {
+            inputs.shaded.extend(samples(pixel));
+            inputs.offsets.push(inputs.shaded.len() as u32);
+        }
+        inputs
+    }
+
+    /// Crowded, sparse and empty regions; a quarter of the samples is not visible, some are of the sky.
+    fn random(seed: u32, size: [u32; 2]) -> Self {
+        let random = &mut Random::new(seed);
+        let densities: Vec<u32> = (0..64).map(|_| random.pick(&[0, 0, 10, 100, 400, 1600])).collect();
+        Self::new(size, |[x, y]| {
+            let density = densities[(x / 9 % 8 + y / 9 % 8 * 8) as usize];
+            let count = (0..16).filter(|_| random.below(1600) < density).count();
+            let one = |_| {
+                let brightest = random.pick(&[1e-4, 1.0, 100.0, 65504.0]);
+                let color = [0, 1, 2].map(|_| random.between(0.0, brightest));
+                let depth = random.pick(&[-1.0, 0.5, 1e6, f32::INFINITY]);
+                shaded(color, [random.below(256), random.below(256)], depth)
+            };
+            (0..count).map(one).collect()
+        })
+    }
+
+    fn run(&self, kernel: &Kernel, film: Bound<'_>) -> Vec<[f32; 4]> {
+        let mut bound = [data(&[self.frame]), data(&self.offsets), data(&self.shaded), film];
+        kernel.run(&mut bound, &[], [self.frame.size[0], self.frame.size[1], 1]);
+        values(&bound[3])
+    }
+
+    fn on_device(&self, kernel: &Kernel) -> Vec<[f32; 4]> {
+        self.run(kernel, blank::<[f32; 4]>(self.offsets.len() - 1))
+    }
+
+    fn twin(&self, film: Option<&[[f32; 4]]>) -> Vec<[Bounded; 4]> {
+        reconstruct(&self.frame, &self.offsets, &self.shaded, film)
+    }
+}
+
+fn compare(device: &[[f32; 4]], twin: &[[Bounded; 4]]) -> Result<(), String> {
+    let wrong = |(d, t): (&[f32; 4], &[Bounded; 4])| d.iter().zip(t).any(|(d, t)| !t.allows(*d));
+    match device.iter().zip(twin).position(wrong) {
+        None => Ok(()),
+        Some(i) => Err(format!("{:?} at {i}, expected {:?}", device[i], twin[i])),
+    }
+}
+
+#[test]
+fn films_are_the_twins() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    let mut widest: f64 = 0.0;
+    for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
+        let inputs = Inputs::random(seed as u32, size);
+        let (device, twin) = (inputs.on_device(&kernel), inputs.twin(None));
+        compare(&device, &twin).unwrap();
+        let relative = twin.iter().flatten().filter(|t| t.value > 1e-30).map(|t| t.error / t.value);
+        widest = relative.fold(widest, f64::max);
+    }
+    // What the bound is worth. The exponent of a weight is at most 9: exp is off by 3 + 2 x 9 ulp = 42 u, the exponent
+    // itself by some 20 u x 9, and a sum of up to 9 x 16 terms by 144 u: 400 u = 2.4e-5 at most.
+    println!("bounds are at most {widest:.1e} of the value");
+    assert!(widest < 2.4e-5);
+    let config = Config { cases: 16, failure_persistence: None, ..Config::default() };
+    let outcome = TestRunner::new(config).run(&(any::<u32>(), 1_u32..60, 1_u32..60), |(seed, width, height)| {
+        let inputs = Inputs::random(seed, [width, height]);
+        prop_assert_eq!(compare(&inputs.on_device(&kernel), &inputs.twin(None)), Ok(()));
+        Ok(())
+    });
+    outcome.unwrap();
+    support::assert_clean(&context);
+}
+
+#[test]
+fn the_film_accumulates_until_it_is_reset() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reconstruct_accumulate::SHADER);
+    let random = &mut Random::new(4);
+    for (seed, size) in SIZES.into_iter().enumerate() {
+        let mut inputs = Inputs::random(seed as u32, size);
+        let film: Vec<[f32; 4]> =
+            (0..size[0] * size[1]).map(|_| [(); 4].map(|()| random.between(0.0, 1000.0))).collect();
+        compare(&inputs.run(&kernel, data(&film)), &inputs.twin(Some(&film))).unwrap();
+        inputs.frame.flags = FRAME_RESET;
+        // After a reset nothing of what was there is read, not even where it is no number.
+        let nan = vec![[f32::NAN; 4]; film.len()];
+        compare(&inputs.run(&kernel, data(&nan)), &inputs.twin(None)).unwrap();
+    }
+    support::assert_clean(&context);
+}
+
+#[test]
+fn wrong_twins_are_caught() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    let inputs = Inputs::random(2, [40, 30]);
+    let device = inputs.on_device(&kernel);
+    compare(&device, &inputs.twin(None)).unwrap();
+    let changed = |change: fn(&mut Shaded)| {
+        let mut wrong = inputs.clone();
+        wrong.shaded.iter_mut().for_each(change);
+        compare(&device, &wrong.twin(None))
+    };
+    assert!(changed(|s| s.color_b_offset ^= 1 << 16).is_err(), "a position that is off by 1/256 of a pixel");
+    assert!(changed(|s| s.color_rg ^= 1).is_err(), "a colour that is off by its last bit");
+    assert!(changed(|s| s.depth = s.depth.abs()).is_err(), "samples that are not visible");
+    let mut wrong = inputs.clone();
+    wrong.offsets.iter_mut().skip(1).for_each(|o| *o = o.saturating_sub(1));
+    assert!(compare(&device, &wrong.twin(None)).is_err(), "offsets that are off by one");
+    support::assert_clean(&context);
+}
+
+#[test]
+fn one_sample_is_the_colour_of_all_that_it_reaches() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    let middle = [12, 13];
+    let color = [0.25, 3.0, 1024.0];
+    let inputs =
+        Inputs::new([25, 25], |pixel| if pixel == middle { vec![shaded(color, [200, 3], 1.0)] } else { Vec::new() });
+    let film = inputs.on_device(&kernel);
+    for y in 0..25 {
+        for x in 0..25 {
+            let distance = (x - 12_i64).abs().max((y - 13_i64).abs());
+            let sum = film[(y * 25 + x) as usize];
+            if distance > WIDEST_RADIUS {
+                assert_eq!(sum, [0.0; 4], "out of reach: black, with no weight");
+                continue;
+            }
+            // Powers of two and 3/2 of them times a weight: one rounding each, then the twin's division.
+            for (mean, exact) in resolve(sum, f32::MAX).iter().zip(color) {
+                assert!((mean.value / f64::from(exact) - 1.0).abs() <= 2.0_f64.powi(-24), "{sum:?}");
+            }
+        }
+    }
+    support::assert_clean(&context);
+}
+
+#[test]
+fn no_sample_is_black_and_a_constant_colour_stays_what_it_is() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    for size in SIZES {
+        let empty = Inputs::new(size, |_| Vec::new());
+        assert!(empty.on_device(&kernel).iter().all(|sum| *sum == [0.0; 4]));
+        let hidden = Inputs::new(size, |_| vec![shaded([1.0; 3], [9, 9], -1.0)]);
+        assert!(hidden.on_device(&kernel).iter().all(|sum| *sum == [0.0; 4]));
+        for counts in [0..2, 1..2, 16..17, 0..17] {
+            let random = &mut Random::new(size[0]);
+            let color = [1.0, 0.7, 123.4].map(|c| f16::from_f32(c).to_f32());
+            let inputs = Inputs::new(size, |_| {
+                let count = counts.start + random.below(counts.len() as u32);
+                (0..count).map(|_| shaded(color, [random.below(256), random.below(256)], 2.0)).collect()
+            });
+            for sum in inputs.on_device(&kernel) {
+                if sum[3] == 0.0 {
+                    assert_eq!((sum, inputs.shaded.len()), ([0.0; 4], 0));
+                    continue;
+                }
+                // With colour 1 both sums are the same numbers added up in the same order.
+                assert_eq!(sum[0], sum[3]);
+                // Else every term is rounded once more, and both sums of up to 9 x 16 terms 144 times.
+                for (mean, exact) in resolve(sum, f32::MAX).iter().zip(color) {
+                    let bound = f64::from(2 * 9 * 16 + 1) * 2.0_f64.powi(-24) * f64::from(exact);
+                    assert!((mean.value - f64::from(exact)).abs() <= bound, "{sum:?}");
+                }
+            }
+        }
+    }
+    support::assert_clean(&context);
+}
+
+#[test]
+fn the_filter_is_truncated_to_three_by_three_pixels() {
+    let random = &mut Random::new(6);
+    let mut inputs = Inputs::new([9, 9], |_| vec![shaded([1.0; 3], [random.below(256), random.below(256)], 1.0)]);
+    let before = inputs.twin(None)[4 * 9 + 4];
+    let change = |inputs: &mut Inputs, pixel| {
+        let index = pixel_index(pixel, [9, 9]);
+        inputs.shaded[index] = shaded([50.0; 3], [128, 128], 1.0);
+    };
+    [[2, 4], [6, 6], [4, 2], [0, 0]].into_iter().for_each(|pixel| change(&mut inputs, pixel));
+    assert_eq!(inputs.twin(None)[4 * 9 + 4], before);
+    change(&mut inputs, [5, 5]);
+    assert_ne!(inputs.twin(None)[4 * 9 + 4], before);
+}
+
+/// What the shader writes to an image of this format.
+fn resolved(context: &Context, kernel: &Kernel, film: &[[f32; 4]], size: [u32; 2], format: vk::Format) -> Vec<u8> {
+    let usage = vk::ImageUsageFlags::STORAGE;
+    let image =
+        Image::new(context, "color", ImageDesc { format, extent: size, layers: 1, array: false, usage }).unwrap();
+    image.clear(context).unwrap();
+    let frame = Frame { size, ..Frame::zeroed() };
+    kernel.run(&mut [data(&[frame]), data(film), Bound::Image(&image)], &[], [size[0], size[1], 1]);
+    let texel = if format == vk::Format::R32G32B32A32_SFLOAT { 16 } else { 8 };
+    let back = Buffer::new(context, "back", u64::from(size[0] * size[1] * texel), Place::Readback).unwrap();
+    Submitter::new(context).unwrap().run("copy", |commands| image.record_copy(commands, &back)).unwrap();
+    back.bytes()[..(size[0] * size[1] * texel) as usize].to_vec()
+}
+
+fn random_film(random: &mut Random, size: [u32; 2]) -> Vec<[f32; 4]> {
+    let one = |random: &mut Random| match random.below(8) {
+        0 => [0.0; 4],
+        1 => [1e30, 1e10, 0.0, 1e-3],
+        _ => {
+            let weight = random.between(-10.0, 4.0).exp();
+            let mut color = || random.between(-12.0, 11.0).exp() * weight;
+            [color(), color(), color(), weight]
+        }
+    };
+    (0..size[0] * size[1]).map(|_| one(random)).collect()
+}
+
+#[test]
+fn resolve_divides_by_the_weight_and_stays_finite() {
+    let context = support::validated_context();
+    let full = Kernel::new(&context, &shaders::resolve_float::SHADER);
+    let half = Kernel::new(&context, &shaders::resolve::SHADER);
+    let random = &mut Random::new(8);
+    for size in SIZES {
+        let film = random_film(random, size);
+        let floats: Vec<[f32; 4]> =
+            bytemuck::pod_collect_to_vec(&resolved(&context, &full, &film, size, vk::Format::R32G32B32A32_SFLOAT));
+        let halves: Vec<[f16; 4]> =
+            bytemuck::pod_collect_to_vec(&resolved(&context, &half, &film, size, vk::Format::R16G16B16A16_SFLOAT));
+        let mut caught = false;
+        for ((sum, float), half) in film.iter().zip(floats).zip(halves) {
+            let half = half.map(f16::to_f32);
+            assert_eq!((float[3], half[3]), (1.0, 1.0));
+            for i in 0..3 {
+                let (wide, narrow) = (resolve(*sum, 3.4028234e38)[i], resolve(*sum, 65504.0)[i]);
+                assert!(wide.allows(float[i]), "{sum:?} {wide:?} {}", float[i]);
+                // Rounding to half may go either way: an ulp is 2^-10 of the value, or 2^-24 where it is subnormal.
+                let rounding = (narrow.value.abs() * 2.0_f64.powi(-10)).max(2.0_f64.powi(-24));
+                let narrow = Bounded { error: narrow.error + rounding, ..narrow };
+                assert!(half[i].is_finite() && narrow.allows(half[i]), "{sum:?} {narrow:?} {}", half[i]);
+                caught |= !resolve([sum[0], sum[1], sum[2], sum[3] * 1.000_01], 3.4028234e38)[i].allows(float[i]);
+            }
+        }
+        assert!(caught || size == [1, 1], "a weight that is off by 1e-5 is noticed");
+    }
+    support::assert_clean(&context);
+}
