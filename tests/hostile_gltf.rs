@@ -1,6 +1,8 @@
 //! Damaged and hostile glTF files end in an error or in a scene, never in a panic, and never take the machine's memory:
 //! real files and one that uses everything, mutated by the thousand, from fixed seeds.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
 #[path = "support/gltf.rs"]
 mod gltf;
 
@@ -9,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use glam::DAffine3;
 use gltf::{File, push};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -328,9 +331,9 @@ fn mutate(original: &Original, random: &mut Random) -> Vec<u8> {
         2 if original.binary.is_some() => {
             let mut binary = original.binary.clone().unwrap_or_default();
             if random.below(2) == 0 {
-                poison(&mut binary, random)
+                poison(&mut binary, random);
             } else {
-                damage(&mut binary, random)
+                damage(&mut binary, random);
             }
             original.assemble(json, Some(binary))
         }
@@ -348,6 +351,8 @@ fn try_out(bytes: &[u8], path: &Path) -> bool {
     let bounds = scene.bounds(&scene.pose(0.0));
     assert!(bounds.is_some_and(|(low, high)| low.is_finite() && high.is_finite()), "bounds {bounds:?}");
     assert_eq!(pose.instances.len(), scene.instances.len());
+    assert!(pose.instances.iter().all(DAffine3::is_finite) && pose.cameras.iter().all(|c| c.rotation.is_finite()));
+    assert!(pose.lights.iter().all(|l| l.position.is_finite() && l.direction.is_finite()));
     for mesh in &scene.meshes {
         let count = mesh.positions.len();
         assert!(mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < count));

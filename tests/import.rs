@@ -1,6 +1,8 @@
 //! Containers, nodes, geometry, cameras and lights of glTF arrive in the scene as the specification says, and what is
 //! not supported is refused by name.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
 #[path = "support/gltf.rs"]
 mod gltf;
 

@@ -1,6 +1,8 @@
 //! Animated transforms of real and hand-made files against a second evaluation, written from the specification's
 //! appendix C with nothing but arrays, which shares no code with the library.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
 #[path = "support/gltf.rs"]
 mod gltf;
 
@@ -64,7 +66,7 @@ impl Plain {
             return std::array::from_fn(|row| std::array::from_fn(|column| at(row, column)));
         }
         let property = |path: &str, rest: &[f64]| {
-            let rest = source[path].as_array().map_or(rest.to_vec(), |a| a.iter().map(|x| as_f32(x)).collect());
+            let rest = source[path].as_array().map_or(rest.to_vec(), |a| a.iter().map(as_f32).collect());
             self.animated(node, path, time).unwrap_or(rest)
         };
         let (t, s) = (property("translation", &[0.0; 3]), property("scale", &[1.0; 3]));
@@ -287,4 +289,19 @@ fn channels_that_move_nothing_are_ignored() {
     assert!(file.message().contains("no such node"), "{}", file.message());
     file.json["animations"][0]["channels"][0] = json!({ "sampler": 3, "target": { "node": 0, "path": "scale" } });
     assert!(file.message().contains("sampler that does not exist"), "{}", file.message());
+}
+
+#[test]
+fn animations_that_leave_the_range_of_floats_are_refused() {
+    let mut file = File::triangle();
+    file.animate("scale", "LINEAR", &[0.0, 1.0], &[[1.0; 3], [1e30; 3]]);
+    assert!(file.scene().pose(0.9).instances[0].is_finite());
+    let mut child = file.clone();
+    child.json["nodes"] = json!([{ "children": [1] }, { "mesh": 0, "name": "child", "scale": [1e9, 1, 1] }]);
+    assert!(child.message().contains("what node 'child' places overflows"), "{}", child.message());
+    // Both keys are where the triangle is, but the tangents throw it far away in between.
+    file.json["animations"] = json!([]);
+    let far = [3e38, 0.0, 0.0];
+    file.animate("translation", "CUBICSPLINE", &[0.0, 1e9], &[[0.0; 3], [0.0; 3], far, far, [0.0; 3], [0.0; 3]]);
+    assert!(file.message().contains("overflows"), "{}", file.message());
 }

@@ -1,5 +1,7 @@
 //! Every model of ../shared/scenes either loads or is refused for the reason that is written here.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
+
 #[path = "support/gltf.rs"]
 mod gltf;
 

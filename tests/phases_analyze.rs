@@ -206,6 +206,7 @@ proptest! {
         // The exact lack differs from the one in f32 by 2^-24 of the largest number in it, 16 x 16.
         let lack = f64::from(target) - f64::from(4 * count) / f64::from(quarters);
         let rounding = 16.0 * 16.0 / 16_777_216.0;
+        let tolerance = if lack > 0.0 { tolerance.min(target) } else { tolerance };
         if lack.abs() < f64::from(tolerance) - rounding {
             prop_assert_eq!(n, 0);
         }
@@ -220,6 +221,8 @@ proptest! {
         // On 16 quarters, a whole density is a count that is a multiple of four.
         let count = count / 4 * 4;
         let lack = f64::from(target) - f64::from(count) / 4.0;
+        // Equation 1 knows no empty windows: see `an_empty_frame_fills_whatever_the_tolerance`.
+        prop_assume!(count > 0 || tolerance <= target);
         let equation_1 = if lack.abs() >= f64::from(tolerance) { lack.signum() * lack.abs().ceil() } else { 0.0 };
         for pixel in pixels_in_order([4, 4]) {
             let n = sample_demand(count, 16, target as f32, tolerance as f32, pixel);
@@ -292,6 +295,19 @@ fn frames_until_nothing_changes(d_target: f32, d_tolerance: f32) -> Option<u32> 
         masks = next;
     }
     None
+}
+
+#[test]
+fn an_empty_frame_fills_whatever_the_tolerance() {
+    for (target, tolerance) in [(0.5, 1.0), (0.0625, 16.0), (2.0, 3.0), (1.0, 1.0), (15.9, 16.0)] {
+        let frame = Frame { size: [32, 32], d_target: target, d_tolerance: tolerance, ..Frame::zeroed() };
+        let first = analyze::analyze(&frame, &[0; 1024]).counters.added;
+        // The dither meets the target to a sixteenth of a sample a pixel.
+        assert!((first as f32 / 1024.0 - target).abs() <= 1.0 / 32.0, "{target} {tolerance}: {first} samples");
+        assert!(frames_until_nothing_changes(target, tolerance).is_some_and(|n| n <= 3));
+    }
+    // Where there is something, the tolerance is what it says.
+    assert_eq!(sample_demand(1, 16, 0.5, 1.0, [3, 3]), 0);
 }
 
 #[test]

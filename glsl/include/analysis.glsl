@@ -41,7 +41,8 @@ int sample_demand(uint count, uint quarters, float d_target, float d_tolerance, 
     // would cross the tolerance or a whole number. Sums, products and comparisons are exact here.
     float area = float(quarters);
     precise float lack = d_target * area - float(4u * count);
-    precise float allowed = d_tolerance * area;
+    // A tolerance above the target allows a density of 0, and would leave the frame black for ever: an empty window asks.
+    precise float allowed = (lack > 0.0 ? min(d_tolerance, d_target) : d_tolerance) * area;
     if (!(abs(lack) >= allowed)) {
         return 0;
     }

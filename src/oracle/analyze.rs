@@ -69,11 +69,13 @@ pub fn window(pixel: [u32; 2], size: [u32; 2], masks: &[u32]) -> (u32, u32) {
 pub const BAYER: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
 /// Equation 1: samples to add (positive) or to evict (negative), for `count` samples on an area of `quarters` quarter
-/// pixels. The paper rounds the fraction up; here it is dithered over pixels.
+/// pixels. The paper rounds the fraction up; here it is dithered over pixels. And where the tolerance is wider than the
+/// target, so that the paper would be content with nothing, an empty window still asks for the target.
 pub fn sample_demand(count: u32, quarters: u32, d_target: f32, d_tolerance: f32, pixel: [u32; 2]) -> i32 {
     let area = quarters as f32;
     let lack = d_target * area - (4 * count) as f32;
-    let outside = lack.abs() >= d_tolerance * area;
+    let allowed = if lack > 0.0 { d_tolerance.min(d_target) } else { d_tolerance };
+    let outside = lack.abs() >= allowed * area;
     if !outside {
         return 0;
     }

@@ -2,6 +2,7 @@
 //! not be modelled.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use glam::{DAffine3, DVec3};
 use serde::Serialize;
@@ -119,6 +120,19 @@ pub enum Feature {
     MovingLights,
     /// Cameras that animation moves.
     MovingCameras,
+}
+
+impl fmt::Display for Feature {
+    /// The name in words, such as `base color texture`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, letter) in format!("{self:?}").chars().enumerate() {
+            if index > 0 && letter.is_uppercase() {
+                f.write_str(" ")?;
+            }
+            write!(f, "{}", letter.to_ascii_lowercase())?;
+        }
+        Ok(())
+    }
 }
 
 impl Requirements {
@@ -320,6 +334,9 @@ mod tests {
             "the unused material does not count"
         );
         assert_eq!(inspect(&scene).contents.instanced_triangles, 1);
+        assert_eq!(Feature::SingleSided.to_string(), "single sided");
+        let json = serde_json::to_value(inspect(&scene)).unwrap();
+        assert_eq!(json["features"][0]["feature"], "lit-surfaces");
     }
 
     #[test]

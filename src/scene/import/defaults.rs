@@ -12,6 +12,8 @@ const YFOV: f64 = std::f64::consts::FRAC_PI_4;
 /// the front (glTF's models face +Z), a side and the top.
 const AZIMUTH: f64 = 35.0 * std::f64::consts::PI / 180.0;
 const ELEVATION: f64 = 20.0 * std::f64::consts::PI / 180.0;
+/// How much farther away the framing camera is than it has to be.
+const MARGIN: f64 = 1.05;
 /// Where the default light shines, in the space of the first camera: from over its right shoulder.
 const LIGHT: DVec3 = DVec3::new(-0.5, -0.8, -1.0);
 /// Lux. A white Lambert surface that faces the light has a radiance of `intensity / π` = 1.
@@ -24,8 +26,8 @@ impl Scene {
     /// scenes may call it, too. Doing it twice changes nothing.
     ///
     /// - No material: the default one of glTF.
-    /// - No camera: one named `framed`, with a vertical field of view of 45°, that sees the whole bounding sphere in
-    ///   any image at least as wide as high, from the front, 35° to the right and 20° above.
+    /// - No camera: one named `framed`, with a vertical field of view of 45°, that sees the whole bounding box in any
+    ///   image at least as wide as high, from the front, 35° to the right and 20° above.
     /// - No light of its own (neither a punctual light of positive intensity nor an environment; emissive surfaces do
     ///   not count, because what they light is not traced by all methods): a white directional light of π lux over
     ///   the first camera's right shoulder, under which a white diffuse surface that faces it has a radiance of 1,
@@ -48,12 +50,20 @@ impl Scene {
 
     fn framing_view(&self) -> View {
         let (low, high) = self.bounds(&self.pose(0.0)).unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
-        let (center, radius) = (low.midpoint(high), (high - low).length() / 2.0);
-        let radius = if radius > 0.0 { radius } else { 1.0 }; // a single point is seen from some distance
+        let (center, half) = (low.midpoint(high), (high - low) / 2.0);
         let (sin, cos) = ELEVATION.sin_cos();
         let back = DVec3::new(AZIMUTH.sin() * cos, sin, AZIMUTH.cos() * cos);
-        let position = center + back * (radius / (YFOV / 2.0).sin());
-        View { position, rotation: looking_along(-back), yfov: YFOV }
+        let rotation = looking_along(-back);
+        let slope = (YFOV / 2.0).tan();
+        // The least distance from the center at which a corner is within the square picture.
+        let distance = |signs: u32| {
+            let sign = |axis: u32| if signs >> axis & 1 == 0 { 1.0 } else { -1.0 };
+            let seen = rotation.inverse() * (half * DVec3::new(sign(0), sign(1), sign(2)));
+            seen.x.abs().max(seen.y.abs()) / slope + seen.z
+        };
+        let distance = (0..8).map(distance).fold(0.0, f64::max) * MARGIN;
+        let distance = if distance > 0.0 { distance } else { 1.0 }; // a single point is seen from some distance
+        View { position: center + back * distance, rotation, yfov: YFOV }
     }
 
     fn add_default_light(&mut self) {

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::scene::Mesh;
 
@@ -81,7 +81,7 @@ pub(super) fn normalize_normals(mesh: &mut Mesh) -> usize {
 pub(super) fn face_normal(positions: &[Vec3], triangle: [u32; 3]) -> Vec3 {
     let [a, b, c] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
     let cross = (b - a).cross(c - a);
-    cross.try_normalize().map_or(Vec3::Z, |n| n.as_vec3())
+    cross.try_normalize().map_or(Vec3::Z, DVec3::as_vec3)
 }
 
 /// `v` normalised in f64; none if it is zero.

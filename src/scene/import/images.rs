@@ -58,9 +58,8 @@ impl Encoded {
         let own_name = image.name.as_deref().or(image.uri.as_deref().filter(|uri| !uri.starts_with("data:")));
         let place = label("image", index, own_name);
         let bytes = source(document, image, &place)?;
-        let format = match image::guess_format(&bytes) {
-            Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-            _ => return Err(unknown_format(document, image, &bytes, place)),
+        let Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = image::guess_format(&bytes) else {
+            return Err(unknown_format(document, image, &bytes, place));
         };
         let mut encoded = Self { place, name: name_or("image", index, own_name), format, bytes, width: 0, height: 0 };
         let (width, height) = encoded.decoder().map_err(|message| document.bad(message))?.dimensions();

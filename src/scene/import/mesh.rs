@@ -113,7 +113,7 @@ impl Part<'_> {
     }
 
     fn attribute(&self, semantic: &Semantic) -> Option<usize> {
-        self.primitive.attributes.get(&Checked::Valid(semantic.clone())).map(|accessor| accessor.value())
+        self.primitive.attributes.get(&Checked::Valid(semantic.clone())).map(json::Index::value)
     }
 
     /// Reads an attribute if the primitive has it; it must have as many elements as there are positions.

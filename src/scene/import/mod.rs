@@ -10,6 +10,7 @@ mod container;
 mod defaults;
 mod document;
 mod extensions;
+mod extent;
 mod geometry;
 mod images;
 mod materials;
@@ -18,8 +19,6 @@ mod nodes;
 mod tangents;
 
 use std::path::Path;
-
-use glam::DVec3;
 
 use self::document::Document;
 use super::Scene;
@@ -61,32 +60,11 @@ pub fn load_slice(bytes: &[u8], path: &Path, scene: Option<usize>) -> Result<Sce
     nodes::import_lights(&document, &placed, &mut out)?;
     animation::import(&document, &placed, &mut out)?;
     materials.finish(&mut out)?;
-    check_extent(&document, &out)?;
+    extent::check(&document, &out)?;
     out.complete();
     Ok(out)
 }
 
 fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "scene".to_owned(), |s| s.to_string_lossy().into_owned())
-}
-
-/// The renderer rounds camera-relative positions to f32: a scene that does not fit is refused here, with a reason.
-fn check_extent(document: &Document, scene: &Scene) -> Result<()> {
-    if scene.instances.is_empty() {
-        return Err(document.bad("there is no triangle in the scene: nothing to render"));
-    }
-    let pose = scene.pose(0.0);
-    let largest = f64::from(f32::MAX) / 4.0;
-    let inside = |v: DVec3| v.is_finite() && v.abs().max_element() < largest;
-    for (instance, transform) in scene.instances.iter().zip(&pose.instances) {
-        let columns = [transform.x_axis, transform.y_axis, transform.z_axis, transform.translation];
-        if !columns.into_iter().all(inside) {
-            let name = &scene.nodes[instance.node].name;
-            return Err(document.bad(format!("the transform of node '{name}' overflows 32-bit floats: scale it down")));
-        }
-    }
-    match scene.bounds(&pose) {
-        Some((low, high)) if inside(low) && inside(high) => Ok(()),
-        _ => Err(document.bad("the scene extends beyond the range of 32-bit floats: scale it down")),
-    }
 }
