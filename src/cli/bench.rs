@@ -141,7 +141,7 @@ impl Bench {
 
 /// Bytes of device memory that are in use.
 fn allocated(device: &Device) -> u64 {
-    device.context().memory_table().iter().map(|(_, bytes)| bytes).sum()
+    device.context().memory_table().values().sum()
 }
 
 impl Runner {
