@@ -18,18 +18,18 @@ use spirq::ty::{AccessType, DescriptorType, ScalarType, StructType, Type};
 
 fn main() {
     println!("cargo:rerun-if-changed=glsl");
-    let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("glsl");
-    match generate(&root) {
-        Ok(code) => {
-            let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets it")).join("shaders.rs");
-            fs::write(&out, code).expect("OUT_DIR is writable");
-        }
-        Err(message) => {
-            // Cargo shows the standard error of a failing build script.
-            eprintln!("\n{message}");
-            process::exit(1);
-        }
+    if let Err(message) = run() {
+        // Cargo shows the standard error of a failing build script.
+        eprintln!("\n{message}");
+        process::exit(1);
     }
+}
+
+fn run() -> Result<()> {
+    let folder = |name: &str| env::var(name).map(PathBuf::from).map_err(|e| format!("{name}: {e}"));
+    let code = generate(&folder("CARGO_MANIFEST_DIR")?.join("glsl"))?;
+    let out = folder("OUT_DIR")?.join("shaders.rs");
+    fs::write(&out, code).map_err(|e| format!("{}: {e}", out.display()))
 }
 
 type Result<T> = std::result::Result<T, String>;

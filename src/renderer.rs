@@ -245,7 +245,7 @@ impl Renderer {
         }
         let view = &inputs.view;
         let usable = view.position.is_finite() && view.rotation.is_finite();
-        if !usable || !(view.yfov > 0.0 && view.yfov < std::f64::consts::PI) {
+        if !(usable && view.yfov > 0.0 && view.yfov < std::f64::consts::PI) {
             let expected = "a finite position and rotation, and a field of view between 0 and π".to_owned();
             return wrong("view", format!("{view:?}"), expected);
         }

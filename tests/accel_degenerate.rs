@@ -134,7 +134,8 @@ fn trees_do_not_depend_on_the_number_of_threads() {
     let build = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut rng = Rng::new(8);
-        let meshes = vec![accel_support::random_soup(&mut rng, 60_000, 0.02), accel_support::crumpled(&mut rng, 3)];
+        let meshes =
+            vec![accel_support::random_soup(&mut rng, 60_000, 0.02), accel_support::crumpled(&mut rng, 3, 2.0)];
         pool.install(|| geometry(meshes, &[0, 1]))
     };
     let (one, four) = (build(1), build(4));

@@ -7,21 +7,21 @@ use std::time::Instant;
 use accel_support::{Built, Rng, icosphere, random_soup};
 use glam::{DAffine3, DVec3, Vec3};
 use stillray::accel::{Tlas, place};
-use stillray::oracle::traverse::{Query, closest};
+use stillray::oracle::traverse::{Query, closest, closest_with_alpha};
 use stillray::shaders;
 
 /// Lone instances stay findable when others crowd around: hits agree with those in a world of the one instance alone.
 #[test]
 fn an_instance_is_hit_in_a_crowd_as_alone() {
     let rng = &mut Rng::new(31);
-    let placed: Vec<(usize, DAffine3)> = (0..300).map(|i| (i % 2, rng.transform(20.0))).collect();
+    let placed: Vec<(usize, DAffine3)> = (0..300).map(|i| (i % 2, rng.transform(12.0))).collect();
     let meshes = || vec![icosphere(1), random_soup(&mut Rng::new(32), 40, 0.4)];
     let crowd = Built::new(meshes(), &placed, DVec3::ZERO);
     let alone: Vec<Built> = placed.iter().map(|p| Built::new(meshes(), &[*p], DVec3::ZERO)).collect();
     let mut hits = 0;
     for _ in 0..2000 {
         let query =
-            Query { origin: (rng.cube() * 30.0).as_vec3(), direction: rng.direction().as_vec3(), tmax: f32::INFINITY };
+            Query { origin: (rng.cube() * 15.0).as_vec3(), direction: rng.direction().as_vec3(), tmax: f32::INFINITY };
         let each = alone
             .iter()
             .enumerate()
@@ -73,6 +73,22 @@ fn each_instance_has_one_leaf_and_rebuilding_is_quick() {
         println!("{count} instances, {arrangement}: rebuilt in {:?}, {} nodes", start.elapsed(), before.len());
         assert_eq!(before, built.tlas.nodes);
     }
+}
+
+/// Alpha is asked for masked instances alone, and what is not there is looked through.
+#[test]
+fn masked_surfaces_are_looked_through() {
+    let placed = [(0, DAffine3::from_translation(DVec3::Z * -3.0)), (0, DAffine3::from_translation(DVec3::Z * -9.0))];
+    let mut built = Built::new(vec![icosphere(1)], &placed, DVec3::ZERO);
+    let query = Query { origin: Vec3::ZERO, direction: Vec3::new(0.01, 0.02, -1.0), tmax: f32::INFINITY };
+    let absent = |built: &Built| closest_with_alpha(&built.world(), &query, &|_| false);
+    let opaque = closest(&built.world(), &query);
+    assert_eq!(absent(&built), opaque);
+    built.instances[0].flags |= shaders::INSTANCE_ALPHA;
+    assert_eq!(absent(&built).map(|hit| hit.instance), Some(1));
+    let back = closest_with_alpha(&built.world(), &query, &|hit| hit.t > 3.0);
+    assert_eq!(back.map(|hit| (hit.instance, hit.t > 3.0)), Some((0, true)));
+    assert_eq!(closest_with_alpha(&built.world(), &query, &|_| true), opaque);
 }
 
 /// A frame that moves everything and looks from elsewhere is the scene as placed there.

@@ -1,4 +1,5 @@
 //! A shader can be run on host data, and the validation layer is really listening.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a panic is a failing test
 mod support;
 
 use bytemuck::{Zeroable, bytes_of, cast_slice};

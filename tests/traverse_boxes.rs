@@ -160,7 +160,7 @@ fn check(geometry: &Geometry, index: usize, within: (DVec3, DVec3), seen: &mut [
         let first = node[5] + (meta & 0x1f);
         for slot in first..first + (meta >> 5).count_ones() {
             seen[slot as usize] += 1;
-            for corner in geometry.corners(slot).map(|p| p.as_dvec3()) {
+            for corner in geometry.corners(slot).map(Vec3::as_dvec3) {
                 assert!(min.cmple(corner).all() && corner.cmple(max).all(), "{corner} outside {min}..{max}");
             }
         }

@@ -2,44 +2,15 @@
 
 mod accel_support;
 
-use accel_support::{Built, Rng, crumpled, cube, icosphere};
-use glam::{DAffine3, DVec3, Vec3};
+use accel_support::rays::{aimed, closed_meshes, placements};
+use accel_support::{Built, Rng};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use stillray::oracle::traverse::{Query, Ray, World, any, closest, transform_direction, transform_point};
 use stillray::scene::Mesh;
 
 /// Rays of each mesh; ten meshes make a million.
 const RAYS: u64 = 100_000;
-
-fn meshes() -> Vec<(&'static str, Mesh)> {
-    let rng = &mut Rng::new(3);
-    vec![
-        ("cube", cube()),
-        ("icosahedron", icosphere(0)),
-        ("sphere of 1280", icosphere(3)),
-        ("crumpled 320", crumpled(rng, 2)),
-        ("crumpled 20480", crumpled(rng, 5)),
-    ]
-}
-
-fn placements() -> Vec<DAffine3> {
-    let rng = &mut Rng::new(4);
-    vec![DAffine3::IDENTITY, rng.transform(3.0)]
-}
-
-/// From near the centre (all meshes here are star-shaped around a ball of radius 0.2) to a vertex or a point of an edge, one
-/// ray in four along an axis or aimed by a rounded vertex itself. `m` is object to camera-relative.
-fn aimed(rng: &mut Rng, mesh: &Mesh, m: &DAffine3) -> Query {
-    let triangle = mesh.triangles[rng.below(mesh.triangles.len())];
-    let k = rng.below(3);
-    let [a, b] = [triangle[k], triangle[(k + 1) % 3]].map(|i| mesh.positions[i as usize].as_dvec3());
-    let along = [0.0, 0.5, rng.unit()][rng.below(3)];
-    let target = a + (b - a) * along;
-    let inside = if rng.below(4) == 0 { DVec3::ZERO } else { rng.direction() * rng.magnitude(1e-6, 0.15) };
-    let origin = m.transform_point3(inside).as_vec3();
-    let direction = m.transform_point3(target).as_vec3() - origin;
-    Query { origin, direction, tmax: f32::INFINITY }
-}
 
 fn leaks(meshes: &[(&str, Mesh)], check: impl Fn(&str, &Built, &Query) -> bool + Sync) -> u64 {
     let mut leaks = 0;
@@ -63,7 +34,7 @@ fn a_million_rays_at_edges_and_vertices_leak_none() {
         }
         found.is_some() && any(&world, query)
     };
-    assert_eq!(leaks(&meshes(), hit), 0);
+    assert_eq!(leaks(&closed_meshes(), hit), 0);
 }
 
 /// Negative control: without the tie rule (an edge function of exactly zero counts as outside), and with Möller and
@@ -76,7 +47,7 @@ fn other_tests_leak() {
         let ray = Ray::new(origin, transform_direction(&instance.to_object, query.direction));
         (0..world.geometry.triangles.len() as u32).any(|slot| test(&ray, world.geometry.corners(slot)))
     };
-    let small = &meshes()[..2];
+    let small = &closed_meshes()[..2];
     let strict = leaks(small, |_, built, query| brute(&built.world(), query, &strict_edges));
     let moeller = leaks(small, |_, built, query| brute(&built.world(), query, &moeller_trumbore));
     println!("of 400000 rays, {strict} leak with strict edges, {moeller} with Möller-Trumbore");

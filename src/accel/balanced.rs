@@ -16,7 +16,8 @@ pub(super) fn build(boxes: &[Bounds]) -> (Vec<CwBvhNode>, Vec<u32>) {
     let mut nodes = vec![CwBvhNode::default()];
     let mut order = Vec::with_capacity(boxes.len());
     // Ranges of the pool that the nodes cover: appended in step with the nodes, so that children follow their parents.
-    let mut ranges = vec![0..boxes.len()];
+    let everything = 0..boxes.len();
+    let mut ranges = vec![everything];
     let mut next = 0;
     while next < nodes.len() {
         let parts = eighths(&mut pool, ranges[next].clone(), boxes);

@@ -120,3 +120,62 @@ fn merge(current: &[Bvh2Node], best: &[u32], next: &mut Vec<Bvh2Node>, nodes: &m
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn depth(bvh: &Bvh2, node: usize) -> usize {
+        let node = &bvh.nodes[node];
+        if node.is_leaf() {
+            return 1;
+        }
+        let first = node.first_index as usize;
+        1 + depth(bvh, first).max(depth(bvh, first + 1))
+    }
+
+    /// Each pass leaves at most 7/8 of the nodes, rounded up, and adds a level at most: a tree deeper than the passes that
+    /// this allows took more of them. One merge a pass would be thousands of levels deep.
+    #[test]
+    fn passes_are_logarithmic_where_costs_tie_or_nest() {
+        let unit = |at: Vec3, size: f32| Bounds { min: at, max: at + size };
+        let row: Vec<Bounds> = (0..5000).map(|i| unit(Vec3::X * i as f32, 1.0)).collect();
+        let nested: Vec<Bounds> = (0..5000).map(|i| unit(Vec3::ZERO, i as f32)).collect();
+        let same = vec![unit(Vec3::ONE, 1.0); 5000];
+        for boxes in [row, nested, same] {
+            for distance in [PlocSearchDistance::Minimum, PlocSearchDistance::Medium] {
+                let bvh = build(&boxes, distance, 3);
+                let passes = (5000_f64.ln() / (8.0_f64 / 7.0).ln()).ceil() as usize + 8;
+                assert!(depth(&bvh, 0) <= passes + 1, "{}", depth(&bvh, 0));
+            }
+        }
+    }
+
+    #[test]
+    fn every_box_becomes_a_leaf_within_its_ancestors() {
+        let boxes: Vec<Bounds> = (0..999u32)
+            .map(|i| {
+                let p = Vec3::new((i * 37 % 101) as f32, (i * 53 % 89) as f32, (i * 71 % 97) as f32);
+                Bounds { min: p, max: p + 1.0 + (i % 7) as f32 }
+            })
+            .collect();
+        let bvh = build(&boxes, PlocSearchDistance::Low, 1);
+        let mut seen = vec![false; boxes.len()];
+        let mut stack = vec![0];
+        while let Some(i) = stack.pop() {
+            let node: &Bvh2Node = &bvh.nodes[i];
+            let first = node.first_index as usize;
+            if node.is_leaf() {
+                assert!(!std::mem::replace(&mut seen[first], true));
+                continue;
+            }
+            for child in [first, first + 1] {
+                assert!(child > i || i == 0);
+                assert_eq!(node.aabb().union(bvh.nodes[child].aabb()), *node.aabb());
+                stack.push(child);
+            }
+        }
+        assert!(seen.iter().all(|&s| s));
+    }
+}

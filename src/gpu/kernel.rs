@@ -56,12 +56,12 @@ pub fn run(
     let recorder = Recorder::new(context, 1, 1)?;
     Submitter::new(context)?.run(shader.name, |commands| recorder.record(commands, &pass, &barriers(&pass), 0))?;
     for ((argument, buffer), binding) in arguments.iter_mut().zip(&buffers).zip(shader.bindings) {
-        if let (Argument::Buffer(data), Some(buffer)) = (argument, buffer) {
-            if binding.access != Access::Read {
-                let mut back = buffer.download(context)?;
-                back.truncate(data.len());
-                **data = back;
-            }
+        if let (Argument::Buffer(data), Some(buffer)) = (argument, buffer)
+            && binding.access != Access::Read
+        {
+            let mut back = buffer.download(context)?;
+            back.truncate(data.len());
+            **data = back;
         }
     }
     Ok(recorder.times(1, 0).first().copied().unwrap_or_default())

@@ -2,13 +2,13 @@
 
 /// Linear value, 0..=1, of an sRGB-encoded one. Values outside 0..=1 are taken as the nearer end; NaN as 0.
 pub fn srgb_to_linear(encoded: f64) -> f64 {
-    let x = encoded.max(0.0).min(1.0);
+    let x = if encoded.is_nan() { 0.0 } else { encoded.clamp(0.0, 1.0) };
     if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 /// sRGB-encoded value, 0..=1, of a linear one. Values outside 0..=1 are taken as the nearer end; NaN as 0.
 pub fn linear_to_srgb(linear: f64) -> f64 {
-    let x = linear.max(0.0).min(1.0);
+    let x = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0) };
     if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 

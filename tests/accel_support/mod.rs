@@ -1,5 +1,8 @@
 //! What the tests of the acceleration structure share: seeded numbers, meshes, and a world put together from them.
-#![allow(dead_code)] // Each test crate uses its own part.
+#![allow(dead_code)] // each test crate uses its own part
+#![allow(clippy::unwrap_used)] // helpers of tests, which may
+
+pub mod rays;
 
 use std::f64::consts::TAU;
 
@@ -145,11 +148,11 @@ fn split(positions: &mut Vec<Vec3>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     triangles.iter().flat_map(four).collect()
 }
 
-/// A sphere with each vertex moved along its radius, and so still closed.
-pub fn crumpled(rng: &mut Rng, levels: u32) -> Mesh {
+/// A sphere with each vertex moved along its radius by up to a factor, and so still closed.
+pub fn crumpled(rng: &mut Rng, levels: u32, factor: f64) -> Mesh {
     let mut sphere = icosphere(levels);
     for p in &mut sphere.positions {
-        *p *= rng.magnitude(0.5, 2.0) as f32;
+        *p *= rng.magnitude(1.0 / factor, factor) as f32;
     }
     sphere
 }

@@ -1,4 +1,5 @@
 //! Renders frames of a scene under a camera motion, with the validation layer listening.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a panic is a failing test
 
 use stillray::gpu::ContextOptions;
 use stillray::headless::{Device, LoadedScene, Pixels, Session};

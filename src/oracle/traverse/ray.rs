@@ -7,7 +7,7 @@ const UNIT_ROUNDOFF: f32 = 5.960_464_5e-8;
 /// 2^46.
 const RAY_RANGE: f32 = 70_368_744_177_664.0;
 /// 2^-30.
-const RAY_GUARD: f32 = 9.313_225_7e-10;
+const RAY_GUARD: f32 = 9.313_226e-10;
 
 /// A ray with what is derived from it once per space.
 #[derive(Debug, Clone, Copy)]
