@@ -90,6 +90,8 @@ fn wrong_words_are_usage_errors_that_name_the_option() {
         (&["render", "--passes", "2"], "--passes"),
         (&["render", "a.gltf", "b.gltf"], "b.gltf"),
         (&["render", "builtin:teapot"], "teapot"),
+        (&["render", "builtin:cornell", "--camera", "left"], "'main'"),
+        (&["render", "builtin:cornell", "--camera", "-1,2:3"], "--camera"),
         (&["bench", "--methods", "stable:17"], "--methods"),
         (&["bench", "--methods", "magic:1"], "--methods"),
         (&["bench", "--methods", "stable:1,stable:1"], "--methods"),

@@ -19,8 +19,9 @@ pub struct Source {
     /// Width and height in pixels, each from 1 to 16384
     #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size)]
     pub size: [u32; 2],
-    /// The scene's camera to look through, by name or number [default: the first]
-    #[arg(long, value_name = "NAME")]
+    /// The scene's camera to look through, by name or number, or two points to look from and to, in metres, such as
+    /// 8,2,0:0,3,0 [default: the scene's first]
+    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
     pub camera: Option<String>,
     /// Frames a second of the motion, from 0.001 to 1000
     #[arg(long, value_name = "F", default_value = "30", value_parser = ranged(0.001, 1000.0), allow_negative_numbers = true)]
