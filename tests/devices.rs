@@ -104,8 +104,12 @@ fn a_cache_that_is_damaged_or_foreign_changes_nothing() {
 #[test]
 fn where_there_can_be_no_cache_there_is_none() {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("cache"), "a file where the folder would be").unwrap();
+    let place = folder.path().join("cache/stillray");
+    fs::create_dir(folder.path().join("cache")).unwrap();
+    fs::write(&place, "a file where the folder would be").unwrap();
     let first = picture(folder.path());
-    fs::remove_file(folder.path().join("cache")).unwrap();
+    assert!(place.is_file());
+    fs::remove_file(&place).unwrap();
     assert!(picture(folder.path()) == first);
+    cache_file(folder.path());
 }

@@ -292,7 +292,7 @@ fn a_device_that_lacks_something_is_refused_with_the_reason() {
     let host = Host::new();
     let refusal = |handles: &HostHandles| {
         // SAFETY: the handles are the host's own and alive; what is wrong is told before any is used.
-        let error = unsafe { Context::adopt(handles) }.err().expect("a refusal");
+        let error = unsafe { Context::adopt(handles) }.expect_err("a refusal");
         assert!(matches!(error, Error::NoDevice { .. }), "{error}");
         error.to_string()
     };
