@@ -7,10 +7,12 @@ use ash::vk;
 use std::ffi::{CStr, c_char};
 use std::sync::OnceLock;
 use stillray::Error;
-use stillray::gpu::{Buffer, Context, HostHandles, Place};
-use stillray::renderer::{Aov, FrameInputs, FrameOutputs, Renderer, Settings, Ticket};
+use stillray::gpu::pass::Work;
+use stillray::gpu::{Buffer, Context, HostHandles, Place, fit};
+use stillray::renderer::{Aov, FrameInputs, FrameOutputs, Method, Renderer, Settings, Ticket};
 use stillray::scene::motion::Motion;
 use stillray::scene::{Pose, Scene, View};
+use stillray::shaders::Kind;
 use support::host::Host;
 use support::rig::{Rig, load};
 
@@ -264,6 +266,43 @@ fn a_renderer_may_move_to_another_thread() {
 }
 
 // --- Devices that lack something ---
+
+/// What hosts are told that a limit has to be.
+fn told(limit: &str) -> u32 {
+    let need = fit::REQUIRED.iter().find_map(|n| n.name.strip_prefix(limit)?.strip_prefix(" >= ")).expect(limit);
+    need.parse().unwrap()
+}
+
+#[test]
+fn no_shader_of_any_plan_needs_more_than_hosts_are_told() {
+    let context = support::validated_context();
+    let [mut threads, mut across, mut buffers, mut push] = [0; 4];
+    // The second scene has an alpha mask, whose tracing shaders bind the most.
+    let mut masked = load("builtin:cornell");
+    masked.materials[0].alpha = stillray::scene::AlphaMode::Mask { cutoff: 0.5 };
+    for scene in [load("builtin:cornell"), masked] {
+        for method in [Method::Stable, Method::Supersample, Method::Reference] {
+            let settings = Settings { method, aovs: Aov::ALL.to_vec(), ..settings([8, 8]) };
+            let renderer = Renderer::new(&context, &scene, &settings).unwrap();
+            for pass in &renderer.plan().passes {
+                let Work::Dispatch { pipeline, .. } = &pass.work else { continue };
+                let shader = pipeline.shader;
+                let of = |kind: Kind| shader.bindings.iter().filter(|b| b.kind == kind).count() as u32;
+                // Vulkan promises 4 storage images and 16 textures a stage, and 64 threads in z.
+                assert!(of(Kind::StorageImage) <= 4 && of(Kind::SampledImage) <= 16 && shader.local_size[2] == 1);
+                threads = threads.max(shader.local_size.iter().product());
+                across = across.max(shader.local_size[0]);
+                buffers = buffers.max(of(Kind::StorageBuffer));
+                push = push.max(shader.push_size);
+            }
+        }
+    }
+    println!("{threads} threads, {across} across, {buffers} storage buffers, {push} bytes of push constants");
+    assert!(threads > 0 && buffers > 0);
+    assert!(threads <= told("maxComputeWorkGroupInvocations") && across <= told("maxComputeWorkGroupSize[0]"));
+    assert!(buffers <= told("maxPerStageDescriptorStorageBuffers") && push <= told("maxPushConstantsSize"));
+    support::assert_clean(&context);
+}
 
 static REAL: OnceLock<ash::StaticFn> = OnceLock::new();
 

@@ -23,6 +23,7 @@ pub const REQUIRED: &[Need] = &[
     Need { name: "synchronization2", why: "barriers between phases" },
     Need { name: "shaderStorageImageExtendedFormats", why: "motion vectors are written as R32G32_SFLOAT" },
     Need { name: "maxComputeWorkGroupInvocations >= 256", why: "the prefix sum uses groups of 256" },
+    Need { name: "maxComputeWorkGroupSize[0] >= 256", why: "the prefix sum uses groups of 256 in a row" },
     Need { name: "maxComputeSharedMemorySize >= 4096", why: "prefix sums and counters" },
     Need { name: "maxPerStageDescriptorStorageBuffers >= 16", why: "shading binds this many" },
     Need { name: "maxPushConstantsSize >= 64", why: "parameters of a dispatch" },
@@ -173,6 +174,7 @@ fn missing_features(instance: &ash::Instance, physical: vk::PhysicalDevice) -> V
 fn missed_limits(limits: &vk::PhysicalDeviceLimits) -> Vec<String> {
     [
         ("maxComputeWorkGroupInvocations", limits.max_compute_work_group_invocations, 256),
+        ("maxComputeWorkGroupSize[0]", limits.max_compute_work_group_size[0], 256),
         ("maxComputeSharedMemorySize", limits.max_compute_shared_memory_size, 4096),
         ("maxPerStageDescriptorStorageBuffers", limits.max_per_stage_descriptor_storage_buffers, 16),
         ("maxPushConstantsSize", limits.max_push_constants_size, 64),
@@ -190,6 +192,7 @@ mod tests {
     fn enough() -> vk::PhysicalDeviceLimits {
         vk::PhysicalDeviceLimits {
             max_compute_work_group_invocations: 256,
+            max_compute_work_group_size: [256, 64, 64],
             max_compute_shared_memory_size: 4096,
             max_per_stage_descriptor_storage_buffers: 16,
             max_push_constants_size: 64,
@@ -202,7 +205,7 @@ mod tests {
         assert!(missed_limits(&enough()).is_empty());
         let push = vk::PhysicalDeviceLimits { max_push_constants_size: 60, ..enough() };
         assert_eq!(missed_limits(&push), ["maxPushConstantsSize is 60, 64 needed"]);
-        assert_eq!(missed_limits(&Default::default()).len(), 4);
+        assert_eq!(missed_limits(&Default::default()).len(), 5);
     }
 
     #[test]
