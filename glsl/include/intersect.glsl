@@ -92,7 +92,8 @@ const float SMALLEST_SLOPE = 7.8886091e-31;   // 2^-100
 // neighbours share them bit by bit. An edge function is a difference of two products. Rounding is monotonic: of unequal
 // products the larger one never rounds below the smaller, so the computed sign is the exact one, or zero. Zero counts as inside;
 // so a triangle whose exact sheared image holds the ray is never missed, and a closed mesh, whose images cover the plane
-// around the ray, has no cracks. This needs the two products rounded one by one: a fused multiply-add would return the rounding
+// around the ray, has no cracks. (What has a determinant of zero is left out: it has no area across the ray, and in exact
+// arithmetic its neighbours cover what it covers.) This needs the two products rounded one by one: a fused multiply-add would return the rounding
 // error of one product where the exact value is zero, with either sign. Hence `precise`.
 //
 // t is found from the plane, not from the weights: seen at a grazing angle, the weights' rounding is amplified by the slope

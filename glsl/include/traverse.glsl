@@ -41,8 +41,10 @@ Corners load_corners(uint primitive) {
 }
 
 // Whether a hit is to be taken instead of the best one: the nearer, and of equally near ones the one of the lower instance,
-// then of the lower primitive, so that the result does not depend on the order of the walk. best starts with both zero:
-// nothing is lower, so a hit at tmax itself is not taken.
+// then of the lower primitive, so that the result does not depend on the order of the walk. (The t of a triangle seen
+// edge-on is uncertain by its whole depth; a box that another hit has put out of reach may hold such a one. The walk's own
+// order is fixed by the trees, so that the outcome is the same run after run there too.) best starts with both zero: nothing
+// is lower, so a hit at tmax itself is not taken.
 bool is_better(Intersection best, float t, uint instance, uint primitive) {
     bool lower = instance < best.instance || (instance == best.instance && primitive < best.primitive);
     return t > 0.0 && (t < best.t || (t == best.t && lower));
