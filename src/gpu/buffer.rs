@@ -52,9 +52,9 @@ impl Buffer {
             Place::Readback => (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu),
         };
         // Vulkan has no empty buffers; fills and copies go by four bytes.
-        let size = size.max(16).next_multiple_of(4);
         let inner = &context.inner;
         within("maxBufferSize", inner.fit.max_buffer, purpose, size, "lower --size or --density")?;
+        let size = size.max(16).checked_next_multiple_of(4).unwrap_or(size);
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device is alive and the description is complete.
         let raw = check(unsafe { inner.device.create_buffer(&info, None) }, "making a buffer")?;
