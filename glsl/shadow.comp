@@ -19,8 +19,8 @@ layout(set = 0, binding = 7, std430) readonly buffer FoundBlock { Found data[]; 
 layout(set = 0, binding = 8, std430) writeonly buffer Lit { uint data[]; } lit;
 #ifdef ALPHA
 layout(set = 0, binding = 9, std430) readonly buffer Triangles { Triangle data[]; } triangles;
-layout(set = 0, binding = 10, std430) readonly buffer Vertices { Vertex data[]; } vertices;
-layout(set = 0, binding = 11, std430) readonly buffer Materials { Material data[]; } materials;
+layout(set = 0, binding = 10, std430) readonly buffer Materials { Material data[]; } materials;
+layout(set = 0, binding = 11, std430) readonly buffer Vertices { Vertex data[]; } vertices;
 layout(set = 0, binding = 12) uniform sampler2DArray atlas;
 layout(set = 0, binding = 13, std430) readonly buffer Srgb { float data[256]; } srgb;
 #include "alpha_hit.glsl"

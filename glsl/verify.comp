@@ -15,14 +15,20 @@ layout(set = 0, binding = 4, std430) readonly buffer CornersBlock { vec4 data[];
 layout(set = 0, binding = 5, std430) readonly buffer Rest { float data[]; } rest;
 layout(set = 0, binding = 6, std430) buffer Samples { Sample data[]; } samples;
 layout(set = 0, binding = 7, std430) writeonly buffer FoundBlock { Found data[]; } found;
-#ifdef ALPHA
 layout(set = 0, binding = 8, std430) readonly buffer Triangles { Triangle data[]; } triangles;
-layout(set = 0, binding = 9, std430) readonly buffer Vertices { Vertex data[]; } vertices;
-layout(set = 0, binding = 10, std430) readonly buffer Materials { Material data[]; } materials;
+layout(set = 0, binding = 9, std430) readonly buffer Materials { Material data[]; } materials;
+#ifdef ALPHA
+layout(set = 0, binding = 10, std430) readonly buffer Vertices { Vertex data[]; } vertices;
 layout(set = 0, binding = 11) uniform sampler2DArray atlas;
 layout(set = 0, binding = 12, std430) readonly buffer Srgb { float data[256]; } srgb;
 #include "alpha_hit.glsl"
 #endif
+
+// Only camera rays pass through the backs of one-sided surfaces: a wall keeps the light out whichever way it faces.
+#define CULL_BACK
+bool is_one_sided(uint primitive) {
+    return (materials.data[triangles.data[primitive].material].flags & MATERIAL_DOUBLE_SIDED) == 0u;
+}
 #include "traverse.glsl"
 
 // How far behind a cached sample its ray goes on, in parts of its length. At a grazing angle the ray may meet the

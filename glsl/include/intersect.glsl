@@ -80,6 +80,7 @@ struct TriangleHit {
     float t;
     float u;  // weight of vertex 1, >= 0
     float v;  // weight of vertex 2, >= 0, u + v <= 1
+    bool back;  // seen from the side on which the vertices run clockwise
 };
 
 const float SMALLEST_NORMAL = 1.1754944e-38;  // 2^-126
@@ -117,7 +118,7 @@ bool hit_triangle(Ray ray, vec3 v0, vec3 v1, vec3 v2, out TriangleHit hit) {
     precise float wc = bx * ay - by * ax;
     precise float det = (wa + wb) + wc;
     bool mixed = min(min(wa, wb), wc) < 0.0 && max(max(wa, wb), wc) > 0.0;
-    hit = TriangleHit(0.0, 0.0, 0.0);
+    hit = TriangleHit(0.0, 0.0, 0.0, false);
     if (mixed || abs(det) < SMALLEST_NORMAL) return false;
 
     precise float scale = 1.0 / det;
@@ -138,6 +139,7 @@ bool hit_triangle(Ray ray, vec3 v0, vec3 v1, vec3 v2, out TriangleHit hit) {
         precise vec3 m = n * shrink;
         precise float slope = (m.x * ray.direction.x + m.y * ray.direction.y) + m.z * ray.direction.z;
         precise float height = (m.x * a0.x + m.y * a0.y) + m.z * a0.z;
+        hit.back = slope > 0.0;
         if (abs(slope) >= SMALLEST_SLOPE) {
             precise float inverse_slope = 1.0 / slope;
             t = height * inverse_slope;

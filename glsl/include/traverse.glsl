@@ -11,6 +11,10 @@
 //   bool alpha_hit(uint instance, uint primitive, float u, float v, float t)
 // which says whether the surface is there; it is asked for instances with INSTANCE_ALPHA only.
 //
+// With CULL_BACK defined it provides, likewise,
+//   bool is_one_sided(uint primitive)
+// and triangles that are one-sided are not met from behind (glTF 2.0, section 3.9.8).
+//
 // Call traverse() from one place: a second call is a second copy of its loops for the driver's compiler.
 
 #ifndef STILLRAY_TRAVERSE
@@ -100,6 +104,9 @@ Intersection traverse(vec3 origin, vec3 direction, float tmax) {
             Corners corner = load_corners(primitive);
             TriangleHit hit;
             if (hit_triangle(ray, corner.v0, corner.v1, corner.v2, hit) && is_better(best, hit.t, instance, primitive)) {
+#ifdef CULL_BACK
+                if (hit.back && is_one_sided(primitive)) continue;
+#endif
 #ifdef ALPHA
                 if ((instances.data[instance].flags & INSTANCE_ALPHA) != 0u
                     && !alpha_hit(instance, primitive, hit.u, hit.v, hit.t)) continue;

@@ -74,9 +74,11 @@ fn devices() -> Outcome<String> {
 
 fn contents(scene: &Scene, found: &Contents) -> Table {
     let mut table = Table::new([format!("scene {}", scene.name), String::new()]).left();
-    let both =
-        |all: usize, placed: usize| format!("{}, {} with instances", grouped(all as u64), grouped(placed as u64));
-    table.row(["triangles".to_owned(), both(found.triangles, found.instanced_triangles)]);
+    let mut triangles = grouped(found.triangles as u64);
+    if found.instanced_triangles != found.triangles {
+        triangles += &format!(", {} with instances", grouped(found.instanced_triangles as u64));
+    }
+    table.row(["triangles".to_owned(), triangles]);
     let counts = [
         ("vertices", found.vertices),
         ("meshes", found.meshes),

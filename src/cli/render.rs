@@ -144,8 +144,8 @@ impl Render {
         let settings = self.settings()?;
         interrupt::listen();
         let stage = Stage::load(&self.source, self.motion)?;
-        let preview = self.prepare_targets()?;
         let device = Device::open(self.source.device.as_deref())?;
+        let preview = self.prepare_targets()?;
         let listener = progress::for_user(self.source.quiet);
         let scene = LoadedScene::new(&device, &stage.scene, &*listener)?;
         let session = Session::new(&device, &scene, &settings)?;

@@ -171,9 +171,9 @@ pub struct SceneResources {
 }
 
 impl SceneResources {
-    /// What the alpha variants of the tracing shaders bind besides.
-    fn alpha_resources(&self) -> [Resource; 5] {
-        [b(self.triangles), b(self.vertices), b(self.materials), self.atlas, b(self.srgb)]
+    /// What the alpha variants of the tracing shaders bind last.
+    fn alpha_resources(&self) -> [Resource; 3] {
+        [b(self.vertices), self.atlas, b(self.srgb)]
     }
 }
 

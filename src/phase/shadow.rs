@@ -23,6 +23,7 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
     }
     .list();
     if s.alpha {
+        list.extend([b(s.triangles), b(s.materials)]);
         list.extend(s.alpha_resources());
     }
     let shader = if s.alpha { &shadow_alpha::SHADER } else { &shader::SHADER };

@@ -19,6 +19,8 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         rest: b(s.rest),
         samples: b(f.samples),
         found: b(f.found),
+        triangles: b(s.triangles),
+        materials: b(s.materials),
     }
     .list();
     if s.alpha {
