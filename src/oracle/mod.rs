@@ -10,5 +10,8 @@ pub mod reproject;
 pub mod retain;
 pub mod scan;
 pub mod shade;
+pub mod shadow;
+pub mod stage;
 pub mod traverse;
 pub mod triangle;
+pub mod verify;

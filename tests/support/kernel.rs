@@ -3,6 +3,7 @@
 
 use bytemuck::Pod;
 use std::sync::Arc;
+use stillray::gpu::image::Sampler;
 use stillray::gpu::pass::{Binder, Resource, Threads, barriers};
 use stillray::gpu::submit::Submitter;
 use stillray::gpu::{Buffer, Context, Image, Pipeline, Recorder};
@@ -20,6 +21,7 @@ pub struct Kernel {
 pub enum Bound<'a> {
     Data(Vec<u8>),
     Image(&'a Image),
+    Texture(&'a Image, &'a Sampler),
 }
 
 /// A buffer with this content.
@@ -36,7 +38,7 @@ pub fn blank<'a, T: Pod>(count: usize) -> Bound<'a> {
 pub fn values<T: Pod>(bound: &Bound<'_>) -> Vec<T> {
     match bound {
         Bound::Data(bytes) => bytemuck::pod_collect_to_vec(bytes),
-        Bound::Image(_) => Vec::new(),
+        Bound::Image(_) | Bound::Texture(..) => Vec::new(),
     }
 }
 
@@ -56,6 +58,7 @@ impl Kernel {
             .zip(&buffers)
             .map(|(b, buffer)| match (b, buffer) {
                 (Bound::Image(image), _) => Resource::storage("image", image),
+                (Bound::Texture(image, sampler), _) => Resource::Sampled("texture", image.view(), sampler.raw()),
                 (_, Some(buffer)) => Resource::whole("argument", buffer),
                 _ => unreachable!(),
             })

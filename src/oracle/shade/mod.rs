@@ -5,6 +5,7 @@
 
 pub mod alpha;
 pub mod brdf;
+pub mod kernel;
 pub mod light;
 pub mod material;
 pub mod pack;

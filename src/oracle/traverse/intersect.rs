@@ -56,6 +56,8 @@ pub struct TriangleHit {
     pub u: f32,
     /// Weight of vertex 2.
     pub v: f32,
+    /// Seen from the side on which the vertices run clockwise.
+    pub back: bool,
 }
 
 /// Watertight test, both sides, edges and corners included.
@@ -76,19 +78,20 @@ pub fn hit_triangle(ray: &Ray, [v0, v1, v2]: [Vec3; 3]) -> Option<TriangleHit> {
     let u = (wb * scale).min(1.0);
     let v = (wc * scale).min(1.0 - u);
     let [ta, tb, tc] = [a, b, c].map(|p| p.z * ray.shear.z);
-    let t = plane_distance(ray, a0, v1 - v0, v2 - v0).unwrap_or(((1.0 - u) - v) * ta + (u * tb + v * tc));
-    Some(TriangleHit { t: t.max(ta.min(tb).min(tc)).min(ta.max(tb).max(tc)), u, v })
+    let (plane, back) = plane_distance(ray, a0, v1 - v0, v2 - v0);
+    let t = plane.unwrap_or(((1.0 - u) - v) * ta + (u * tb + v * tc));
+    Some(TriangleHit { t: t.max(ta.min(tb).min(tc)).min(ta.max(tb).max(tc)), u, v, back })
 }
 
-/// t of the plane through a point `a` away from the origin, along two edges.
-fn plane_distance(ray: &Ray, a: Vec3, e1: Vec3, e2: Vec3) -> Option<f32> {
+/// t of the plane through a point `a` away from the origin, along two edges; and whether it is met from behind.
+fn plane_distance(ray: &Ray, a: Vec3, e1: Vec3, e2: Vec3) -> (Option<f32>, bool) {
     let n = Vec3::new(e1.y * e2.z - e1.z * e2.y, e1.z * e2.x - e1.x * e2.z, e1.x * e2.y - e1.y * e2.x);
     let size = n.abs().max_element();
     if size < SMALLEST_NORMAL {
-        return None;
+        return (None, false);
     }
     let m = n * (1.0 / size);
     let slope = (m.x * ray.direction.x + m.y * ray.direction.y) + m.z * ray.direction.z;
     let height = (m.x * a.x + m.y * a.y) + m.z * a.z;
-    (slope.abs() >= SMALLEST_SLOPE).then(|| height * (1.0 / slope))
+    ((slope.abs() >= SMALLEST_SLOPE).then(|| height * (1.0 / slope)), slope > 0.0)
 }

@@ -54,7 +54,7 @@ pub struct Query {
 
 /// The closest hit; of equally close ones that of the lowest instance, then of the lowest primitive.
 pub fn closest(world: &World, query: &Query) -> Option<Intersection> {
-    Walk::new(world, query).run(query, false, &|_| true)
+    closest_with_alpha(world, query, &|_| true)
 }
 
 /// The closest hit for which `exists` (asked for instances with `INSTANCE_ALPHA` only) says that the surface is there.
@@ -63,12 +63,37 @@ pub fn closest_with_alpha(
     query: &Query,
     exists: &dyn Fn(&Intersection) -> bool,
 ) -> Option<Intersection> {
-    Walk::new(world, query).run(query, false, exists)
+    Walk::new(world, query).run(query, false, &Surfaces { exists, is_one_sided: &|_| false })
+}
+
+/// As [`closest_with_alpha`], passing through the backs of triangles that are one-sided (`CULL_BACK` in the shader).
+pub fn closest_seen(world: &World, query: &Query, surfaces: &Surfaces<'_>) -> Option<Intersection> {
+    Walk::new(world, query).run(query, false, surfaces)
 }
 
 /// Whether anything is hit.
 pub fn any(world: &World, query: &Query) -> bool {
-    Walk::new(world, query).run(query, true, &|_| true).is_some()
+    any_with_alpha(world, query, &|_| true)
+}
+
+/// Whether anything is hit for which `exists` (as for [`closest_with_alpha`]) says that the surface is there.
+pub fn any_with_alpha(world: &World, query: &Query, exists: &dyn Fn(&Intersection) -> bool) -> bool {
+    Walk::new(world, query).run(query, true, &Surfaces { exists, is_one_sided: &|_| false }).is_some()
+}
+
+/// What a walk asks about the surfaces that it meets.
+#[derive(Clone, Copy)]
+pub struct Surfaces<'a> {
+    /// Whether the surface is there; asked for instances with `INSTANCE_ALPHA` only.
+    pub exists: &'a dyn Fn(&Intersection) -> bool,
+    /// Whether a triangle slot is not met from behind.
+    pub is_one_sided: &'a dyn Fn(u32) -> bool,
+}
+
+impl std::fmt::Debug for Surfaces<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Surfaces").finish_non_exhaustive()
+    }
 }
 
 /// Children, or primitives, that are put off: a base index and bits, as in traverse.glsl.
@@ -128,7 +153,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn run(mut self, query: &Query, first: bool, exists: &dyn Fn(&Intersection) -> bool) -> Option<Intersection> {
+    fn run(mut self, query: &Query, first: bool, surfaces: &Surfaces<'_>) -> Option<Intersection> {
         for _ in 0..shaders::TRAVERSAL_STEPS {
             let mut primitives = self.group;
             if self.group.has_nodes() {
@@ -136,7 +161,7 @@ impl<'a> Walk<'a> {
             } else {
                 self.group = Group::default();
             }
-            let entering = self.leaf(&mut primitives, first, exists);
+            let entering = self.leaf(&mut primitives, first, surfaces);
             if first && self.found {
                 break;
             }
@@ -181,13 +206,13 @@ impl<'a> Walk<'a> {
     }
 
     /// Tests the primitives of a mesh's leaf; in the top level returns the instance to enter.
-    fn leaf(&mut self, primitives: &mut Group, first: bool, exists: &dyn Fn(&Intersection) -> bool) -> Option<u32> {
+    fn leaf(&mut self, primitives: &mut Group, first: bool, surfaces: &Surfaces<'_>) -> Option<u32> {
         while primitives.bits != 0 {
             let slot = primitives.base + primitives.take();
             let Some(entered) = self.entered else {
                 return Some(self.world.instances[slot as usize].leaf);
             };
-            self.test(entered.instance, entered.triangle_base + slot, exists);
+            self.test(entered.instance, entered.triangle_base + slot, surfaces);
             if first && self.found {
                 break;
             }
@@ -195,15 +220,19 @@ impl<'a> Walk<'a> {
         None
     }
 
-    fn test(&mut self, instance: u32, primitive: u32, exists: &dyn Fn(&Intersection) -> bool) {
+    fn test(&mut self, instance: u32, primitive: u32, surfaces: &Surfaces<'_>) {
         let Some(hit) = hit_triangle(&self.ray, self.world.geometry.corners(primitive)) else { return };
+        let back = hit.back;
         let hit = Intersection { instance, primitive, u: hit.u, v: hit.v, t: hit.t };
         let lower = (instance, primitive) < (self.best.instance, self.best.primitive);
         if !(hit.t > 0.0 && (hit.t < self.best.t || (hit.t == self.best.t && lower))) {
             return;
         }
+        if back && (surfaces.is_one_sided)(primitive) {
+            return;
+        }
         let masked = self.world.instances[instance as usize].flags & shaders::INSTANCE_ALPHA != 0;
-        if !masked || exists(&hit) {
+        if !masked || (surfaces.exists)(&hit) {
             self.best = hit;
             self.found = true;
         }

@@ -1,0 +1,112 @@
+//! What the kernels that trace and shade read of a scene in one frame, and the questions that they all ask of it. Twin of
+//! `glsl/include/alpha_hit.glsl`.
+
+use std::cell::Cell;
+
+use glam::{DVec3, Vec3};
+
+use super::shade::alpha::alpha_passes;
+use super::shade::material::{Spot, base_color_at};
+use super::shade::texture::Textures;
+use super::traverse::{Intersection, SurfacePoint, World, surface_point, transform_point};
+use super::triangle::triangle_point;
+use crate::shaders::{Frame, Instance, MATERIAL_BLEND, MATERIAL_DOUBLE_SIDED, MATERIAL_MASK, Material};
+
+/// Roundoff of f32.
+pub const U: f64 = 1.0 / 16_777_216.0;
+
+/// A scene in one frame, as the kernels see it.
+#[derive(Debug, Clone, Copy)]
+pub struct Stage<'a> {
+    /// Constants of the frame.
+    pub frame: &'a Frame,
+    /// Geometry and instances.
+    pub world: World<'a>,
+    /// The scene's materials.
+    pub materials: &'a [Material],
+    /// The scene's images.
+    pub textures: &'a Textures,
+    /// Whether the kernels are those that look at alpha.
+    pub alpha: bool,
+}
+
+impl<'a> Stage<'a> {
+    /// The material of a triangle slot.
+    pub fn material(&self, primitive: u32) -> &'a Material {
+        &self.materials[self.world.geometry.triangles[primitive as usize].material as usize]
+    }
+
+    /// Whether a triangle slot is not seen from behind.
+    pub fn is_one_sided(&self, primitive: u32) -> bool {
+        self.material(primitive).flags & MATERIAL_DOUBLE_SIDED == 0
+    }
+
+    /// The instance of an index that a ray has found.
+    pub fn instance(&self, index: u32) -> &'a Instance {
+        &self.world.instances[index as usize]
+    }
+
+    /// The point of a triangle slot of an instance with these weights of its second and third vertex.
+    pub fn surface(&self, instance: u32, primitive: u32, u: f32, v: f32) -> SurfacePoint {
+        let instance = self.instance(instance);
+        surface_point(&instance.to_relative, &instance.to_object, self.world.geometry.corners(primitive), u, v)
+    }
+
+    /// A triangle slot's vertices with a place between them.
+    pub fn spot(&self, primitive: u32, u: f32, v: f32) -> Spot<'a> {
+        let t = self.world.geometry.triangles[primitive as usize];
+        let vertices = [t.vertex0, t.vertex1, t.vertex2].map(|i| &self.world.geometry.vertices[i as usize]);
+        Spot { vertices, u, v }
+    }
+
+    /// Whether the surface is there that a ray has met. Sets `doubtful` where another device's rounding may decide
+    /// otherwise.
+    pub fn alpha_hit(&self, hit: &Intersection, doubtful: &Cell<bool>) -> bool {
+        let material = self.material(hit.primitive);
+        if !self.alpha || material.flags & (MATERIAL_MASK | MATERIAL_BLEND) == 0 {
+            return true;
+        }
+        let attributes = self.spot(hit.primitive, hit.u, hit.v).attributes();
+        let alpha = base_color_at(material, &attributes, self.textures).w;
+        let corners = self.world.geometry.corners(hit.primitive).map(|p| p.to_array());
+        let object = triangle_point(corners, hit.u, hit.v);
+        let cell = footprint(self.frame, self.instance(hit.instance), object.into());
+        let seed = super::random::hash_combine(self.frame.alpha_seed, hit.instance);
+        let passes = |alpha: f64, cell: f64| alpha_passes(material, alpha as f32, object, cell as f32, seed);
+        let decided = passes(alpha, cell);
+        // Alpha is off by up to 40 U (a vertex colour, a texture, products; tests/shading_twin.rs), a footprint by two
+        // lengths of 12 U each and two products.
+        let varied = [passes(alpha - 40.0 * U, cell), passes(alpha + 40.0 * U, cell)];
+        let rescaled = [passes(alpha, cell * (1.0 - 32.0 * U)), passes(alpha, cell * (1.0 + 32.0 * U))];
+        if varied.into_iter().chain(rescaled).any(|v| v != decided) {
+            doubtful.set(true);
+        }
+        decided
+    }
+}
+
+/// A pixel's footprint at a point of an instance, in object space.
+fn footprint(frame: &Frame, instance: &Instance, object: Vec3) -> f64 {
+    let relative = transform_point(&instance.to_relative, object).as_dvec3();
+    let row = |r: [f32; 4]| DVec3::new(r[0].into(), r[1].into(), r[2].into()).length();
+    let scale = instance.to_object.map(row).into_iter().fold(0.0, f64::max);
+    relative.length() * f64::from(frame.forward[3]) * scale
+}
+
+/// What another device's unit normal of this surface point may differ by, at most in any direction. The shader leaves the
+/// compiler free to fuse its operations: each product of the cross product is off by 3 U with its edges, their transform by
+/// 4 U, scaling and normalising by 24 U.
+pub fn normal_error(stage: &Stage<'_>, instance: u32, primitive: u32) -> f64 {
+    let [v0, v1, v2] = stage.world.geometry.corners(primitive).map(|p| p.as_dvec3());
+    let (e1, e2) = (v1 - v0, v2 - v0);
+    let sizes = |p: DVec3, q: DVec3| {
+        let (p, q) = (p.abs(), q.abs());
+        DVec3::new(p.y * q.z + p.z * q.y, p.z * q.x + p.x * q.z, p.x * q.y + p.y * q.x)
+    };
+    let rows = stage.instance(instance).to_object.map(|r| DVec3::new(r[0].into(), r[1].into(), r[2].into()));
+    let across = |n: DVec3| rows[0] * n.x + rows[1] * n.y + rows[2] * n.z;
+    let most = sizes(e1, e2);
+    let length = across(e1.cross(e2)).length();
+    let lost = (rows[0].abs() * most.x + rows[1].abs() * most.y + rows[2].abs() * most.z).length();
+    if length > 0.0 { (7.0 * lost / length + 24.0) * U } else { f64::INFINITY }
+}

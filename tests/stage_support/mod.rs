@@ -1,0 +1,271 @@
+//! A small scene in which everything happens that the kernels that trace and shade tell apart, on host and device.
+#![allow(dead_code)] // each test binary uses a part of it
+#![allow(clippy::unwrap_used)] // helpers of tests, which may
+
+use std::f64::consts::FRAC_PI_2;
+
+use super::accel_support::{cube, icosphere};
+use super::support::kernel::{Bound, data};
+use super::support::random::Random;
+use glam::{Affine2, DAffine3, DMat3, DQuat, DVec3, Vec2, Vec3, Vec4};
+use stillray::accel::{BvhBuildParams, Geometry, Tlas, place};
+use stillray::gpu::image::Sampler;
+use stillray::gpu::{Context, Image, ImageDesc};
+use stillray::method::constants;
+use stillray::oracle::shade::texture::Textures;
+use stillray::oracle::stage::Stage;
+use stillray::oracle::traverse::World;
+use stillray::progress::Quiet;
+use stillray::scene::atlas::{Atlas, material_records, srgb_table};
+use stillray::scene::{self, AlphaMode, Light, LightKind, LightPose, Mesh, Scene, TextureRef};
+use stillray::shaders::{self, Frame, NEW_INSTANCE, Sample};
+
+/// Materials of the scene, by index.
+pub const OPAQUE: usize = 0;
+pub const ONE_SIDED: usize = 1;
+pub const MASKED: usize = 2;
+pub const BLENDED: usize = 3;
+pub const UNLIT: usize = 4;
+
+/// A scene in a frame, on the host.
+pub struct Theatre {
+    pub scene: Scene,
+    pub geometry: Geometry,
+    pub tlas: Tlas,
+    pub instances: Vec<shaders::Instance>,
+    pub materials: Vec<shaders::Material>,
+    pub atlas: Atlas,
+    pub textures: Textures,
+    pub lights: Vec<shaders::Light>,
+    pub frame: Frame,
+}
+
+/// A square of half size 1 in the plane z = 0, seen from +z, in 2 x 2 x `steps`² triangles.
+pub fn quad(material: usize, steps: u32) -> Mesh {
+    let at = |i: u32| i as f32 / steps as f32;
+    let grid = || (0..=steps).flat_map(move |y| (0..=steps).map(move |x| (at(x), at(y))));
+    let corner = |x: u32, y: u32| y * (steps + 1) + x;
+    let cell = |x, y| {
+        let [a, b, c, d] = [corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1)];
+        [[a, b, c], [a, c, d]]
+    };
+    let triangles: Vec<[u32; 3]> = (0..steps).flat_map(|y| (0..steps).flat_map(move |x| cell(x, y))).collect();
+    Mesh {
+        name: "quad".to_owned(),
+        positions: grid().map(|(x, y)| Vec3::new(2.0 * x - 1.0, 2.0 * y - 1.0, 0.0)).collect(),
+        normals: grid().map(|_| Vec3::Z).collect(),
+        tangents: grid().map(|_| Vec4::new(1.0, 0.0, 0.0, 1.0)).collect(),
+        uvs: [grid().map(|(x, y)| Vec2::new(x, y)).collect(), grid().map(|(x, y)| Vec2::new(y, x) * 3.0).collect()],
+        colors: grid().map(|(x, y)| Vec4::new(1.0, x, y, 1.0)).collect(),
+        triangle_materials: vec![material as u32; triangles.len()],
+        triangles,
+    }
+}
+
+pub fn ball(material: usize) -> Mesh {
+    let mut ball = icosphere(2);
+    ball.normals.clone_from(&ball.positions);
+    ball.tangents = ball.normals.iter().map(|n| n.any_orthonormal_vector().extend(-1.0)).collect();
+    let uvs: Vec<Vec2> = ball.positions.iter().map(|p| Vec2::new(p.x + p.z, p.y)).collect();
+    ball.uvs = [uvs.clone(), uvs];
+    ball.triangle_materials.fill(material as u32);
+    ball
+}
+
+fn image(random: &mut Random, side: u32) -> scene::Image {
+    let texels = (0..side * side).map(|_| random.bits().to_le_bytes()).collect();
+    scene::Image { name: "noise".to_owned(), width: side, height: side, texels }
+}
+
+fn materials() -> Vec<scene::Material> {
+    let plain = scene::Material { metallic: 0.2, roughness: 0.6, ..scene::Material::default() };
+    let texture = |texture: usize, uv_set: u32| Some(TextureRef { texture, uv_set, transform: Affine2::IDENTITY });
+    vec![
+        scene::Material { double_sided: true, occlusion_texture: texture(0, 0), ..plain.clone() },
+        scene::Material {
+            normal_texture: texture(1, 0),
+            normal_scale: 0.3,
+            metallic_roughness_texture: texture(0, 1),
+            metallic: 1.0,
+            ..plain.clone()
+        },
+        scene::Material {
+            base_color_texture: texture(0, 0),
+            alpha: AlphaMode::Mask { cutoff: 0.5 },
+            double_sided: true,
+            emissive: Vec3::new(0.0, 0.5, 2.0),
+            emissive_texture: texture(1, 1),
+            ..plain.clone()
+        },
+        scene::Material {
+            base_color: Vec4::new(0.9, 0.5, 0.2, 0.5),
+            alpha: AlphaMode::Blend,
+            double_sided: true,
+            ..plain.clone()
+        },
+        scene::Material { unlit: true, base_color: Vec4::new(0.1, 0.7, 0.3, 1.0), ..plain },
+    ]
+}
+
+fn light(kind: LightKind) -> Light {
+    let color = Vec3::new(1.0, 0.8, 0.6);
+    Light { name: String::new(), node: 0, kind, color, intensity: 20.0, range: None }
+}
+
+/// Where the objects stand: in front of a camera at the origin that looks along -z.
+fn placements() -> Vec<(Mesh, DAffine3)> {
+    let at = |x, y, z| DAffine3::from_translation(DVec3::new(x, y, z));
+    let turned = |axis: DVec3, angle| DAffine3::from_quat(DQuat::from_axis_angle(axis.normalize(), angle));
+    let scaled = |x, y, z| DAffine3::from_scale(DVec3::new(x, y, z));
+    let sheared = |m: DMat3| DAffine3 { matrix3: m, translation: DVec3::ZERO };
+    let shear = sheared(DMat3::from_cols(DVec3::X, DVec3::new(0.5, 1.0, 0.2), DVec3::new(0.0, -0.3, 1.0)));
+    let facing = |angle| turned(DVec3::Y, angle);
+    vec![
+        (quad(OPAQUE, 4), at(0.0, -2.0, -8.0) * turned(DVec3::X, -FRAC_PI_2) * scaled(8.0, 6.0, 1.0)),
+        (ball(ONE_SIDED), at(-2.0, 0.0, -7.0) * turned(DVec3::ONE, 0.7) * shear),
+        (ball(OPAQUE), at(2.2, 0.2, -8.0) * shear * scaled(-1.2, 0.7, 1.0)),
+        // One-sided, seen from the front, from behind, and mirrored.
+        (quad(ONE_SIDED, 2), at(-3.5, 1.8, -9.0) * facing(0.3)),
+        (quad(ONE_SIDED, 2), at(0.0, 1.8, -9.0) * facing(3.0)),
+        (quad(ONE_SIDED, 2), at(3.2, 2.2, -9.0) * facing(-0.2) * scaled(-1.0, 1.0, 1.0)),
+        (quad(MASKED, 1), at(-0.6, 0.3, -5.0) * facing(0.5) * scaled(0.9, 0.9, 1.0)),
+        (quad(BLENDED, 1), at(1.2, -0.2, -4.5) * facing(-0.4) * shear * scaled(0.8, -0.8, 1.0)),
+        (ball(UNLIT), at(0.4, -1.2, -6.0) * scaled(0.5, 0.5, 0.5)),
+    ]
+}
+
+impl Theatre {
+    pub fn new(size: [u32; 2]) -> Self {
+        Self::with(size, placements())
+    }
+
+    /// The camera stands in a closed room of opaque walls, and everything else is outside. `hole` opens it.
+    pub fn walled(size: [u32; 2], hole: bool) -> Self {
+        let mut room = cube();
+        if hole {
+            room.triangles.remove(3);
+        }
+        room.triangle_materials = vec![OPAQUE as u32; room.triangles.len()];
+        let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.4);
+        let room =
+            (room, DAffine3::from_scale_rotation_translation(DVec3::new(1.0, -1.3, 1.5), turn, DVec3::splat(0.1)));
+        Self::with(size, placements().into_iter().chain([room]).collect())
+    }
+
+    fn with(size: [u32; 2], placed: Vec<(Mesh, DAffine3)>) -> Self {
+        let random = &mut Random::new(11);
+        let (meshes, transforms): (Vec<Mesh>, Vec<DAffine3>) = placed.into_iter().unzip();
+        let textures = (0..2).map(|image| scene::Texture {
+            image,
+            wrap_u: scene::Wrap::Repeat,
+            wrap_v: scene::Wrap::Mirror,
+            nearest: image == 0,
+        });
+        let scene = Scene {
+            instances: (0..meshes.len()).map(|mesh| scene::Instance { node: 0, mesh }).collect(),
+            meshes,
+            materials: materials(),
+            images: vec![image(random, 8), image(random, 16)],
+            textures: textures.collect(),
+            ..Scene::default()
+        };
+        let geometry = Geometry::build(&scene, &BvhBuildParams::medium_build(), &Quiet).unwrap();
+        let before = |m: &DAffine3| DAffine3::from_translation(DVec3::new(0.05, -0.02, 0.1)) * *m;
+        let mut instances: Vec<shaders::Instance> = transforms
+            .iter()
+            .zip(&geometry.meshes)
+            .map(|(m, mesh)| place(&geometry, mesh, (m, DVec3::ZERO), (&before(m), DVec3::ZERO)))
+            .collect();
+        let mut tlas = Tlas::default();
+        tlas.rebuild(&geometry, &mut instances);
+        let atlas = Atlas::pack(&scene.images, 64, 4).unwrap();
+        let lights = lights();
+        let frame = Frame {
+            right: [1.0, 0.0, 0.0, 0.6 * size[0] as f32 / size[1] as f32],
+            up: [0.0, 1.0, 0.0, 0.6],
+            forward: [0.0, 0.0, -1.0, 1.2 / size[1] as f32],
+            previous_right: [0.999_8, 0.0, 0.02, 0.6 * size[0] as f32 / size[1] as f32],
+            previous_up: [0.0, 1.0, 0.0, 0.6],
+            previous_forward: [0.02, 0.0, -0.999_8, 1.2 / size[1] as f32],
+            environment: [0.3, 0.4, 0.6, 0.0],
+            size,
+            light_count: lights.len() as u32,
+            instance_count: instances.len() as u32,
+            ..Frame::default()
+        };
+        let materials = material_records(&scene, &atlas);
+        let textures = Textures::new(Atlas::pack(&scene.images, 64, 4).unwrap());
+        Self { scene, geometry, tlas, instances, materials, atlas, textures, lights, frame }
+    }
+
+    pub fn stage(&self, alpha: bool) -> Stage<'_> {
+        let world = World { geometry: &self.geometry, tlas: &self.tlas, instances: &self.instances };
+        Stage { frame: &self.frame, world, materials: &self.materials, textures: &self.textures, alpha }
+    }
+
+    /// Nodes as the device has them: the top level first.
+    pub fn nodes(&self) -> Bound<'static> {
+        let mut nodes = self.tlas.nodes.clone();
+        nodes.resize(self.geometry.tlas_capacity as usize, [0; 20]);
+        nodes.extend_from_slice(&self.geometry.nodes);
+        data(&nodes)
+    }
+
+    /// A triangle slot of an instance.
+    pub fn random_triangle(&self, random: &mut Random) -> (u32, u32) {
+        let instance = random.below(self.instances.len() as u32);
+        let mesh = &self.geometry.meshes[self.geometry.instance_meshes[instance as usize] as usize];
+        (instance, mesh.first_triangle + random.below(mesh.triangle_count))
+    }
+
+    /// A new sample anywhere in the frame.
+    pub fn new_sample(&self, random: &mut Random) -> Sample {
+        let [x, y] = self.frame.size.map(|n| random.between(0.0, n as f32));
+        Sample { position: [x, y, 0.0], instance: NEW_INSTANCE }
+    }
+}
+
+fn lights() -> Vec<shaders::Light> {
+    let down = DVec3::new(0.3, -1.0, -0.4).normalize();
+    let spot = LightKind::Spot { inner: 0.3, outer: 0.9 };
+    let placed = [
+        (LightKind::Directional, DVec3::ZERO, down),
+        (LightKind::Point, DVec3::new(1.0, 3.0, -5.0), down),
+        (spot, DVec3::new(-3.0, 4.0, -4.0), DVec3::new(0.4, -0.8, -0.6).normalize()),
+        // Inside a ball, and under the floor.
+        (LightKind::Point, DVec3::new(2.2, 0.2, -8.0), down),
+        (LightKind::Point, DVec3::new(0.0, -4.0, -8.0), down),
+    ];
+    let one =
+        |(kind, position, direction)| constants::light(&light(kind), &LightPose { position, direction }, DVec3::ZERO);
+    placed.into_iter().map(one).collect()
+}
+
+/// The atlas on the device.
+pub struct Gallery {
+    image: Image,
+    sampler: Sampler,
+}
+
+impl Gallery {
+    pub fn new(context: &Context, atlas: &Atlas) -> Self {
+        let desc = ImageDesc {
+            format: ash::vk::Format::R8G8B8A8_UNORM,
+            extent: atlas.size,
+            layers: atlas.layers,
+            array: true,
+            usage: ash::vk::ImageUsageFlags::SAMPLED,
+        };
+        let image = Image::new(context, "textures", desc).unwrap();
+        image.upload(context, bytemuck::cast_slice(&atlas.texels)).unwrap();
+        Self { image, sampler: Sampler::new(context).unwrap() }
+    }
+
+    pub fn bound(&self) -> Bound<'_> {
+        Bound::Texture(&self.image, &self.sampler)
+    }
+
+    pub fn srgb() -> Bound<'static> {
+        data(&srgb_table())
+    }
+}
