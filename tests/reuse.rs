@@ -101,7 +101,7 @@ fn every_motion_reuses_most_and_adds_up() {
     // Sixteen samples a pixel need one in every subpixel. Samples that move collide there: of n that fall on as many
     // subpixels independently of each other, 1 - 1/e = 0.63 n find one for themselves.
     let stats = frames(&rig, &mut rig.session(&settings(16.0, 0.0625)), Motion::Rotate, 2);
-    assert!((0.6..0.9).contains(&stats[1].reused_fraction()), "{:?}", stats[1]);
+    assert!(stats[1].reused_fraction() > 0.6, "{:?}", stats[1]);
 }
 
 #[test]
@@ -131,7 +131,7 @@ fn a_cut_forgets_everything() {
     assert_eq!((cut.reused, cut.evicted, cut.histogram[0]), (0, 0, PIXELS));
     assert!(cut.added >= PIXELS, "the frame is filled at once: {cut:?}");
     // Without a reset, a view into another direction finds nothing that it could reuse either, and fills the frame as well.
-    view.rotation = view.rotation * glam::DQuat::from_rotation_y(2.0);
+    view.rotation *= glam::DQuat::from_rotation_y(2.0);
     let turned = session.frame(&FrameInputs { view, pose: &pose, reset: false }).unwrap();
     assert_adds_up(&turned);
     assert_eq!((turned.reused, turned.histogram[0]), (0, PIXELS));
