@@ -247,7 +247,12 @@ fn make_instance(entry: &ash::Entry, validation: bool) -> Result<Owned> {
         info = info.push_next(&mut features);
     }
     // SAFETY: all names are static C strings and the chained structures live until the call returns.
-    let instance = check(unsafe { entry.create_instance(&info, None) }, "making an instance")?;
+    let made = unsafe { entry.create_instance(&info, None) };
+    if made.as_ref().err() == Some(&vk::Result::ERROR_INCOMPATIBLE_DRIVER) {
+        // The loader's way of saying that no driver is installed.
+        return Err(Error::NoDevice { selector: None, rejected: Vec::new() });
+    }
+    let instance = check(made, "making an instance")?;
     let mut owned = Owned { instance, messenger: None, device: None };
     if validation {
         owned.messenger = Some(make_messenger(entry, &owned.instance)?);
