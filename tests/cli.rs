@@ -128,6 +128,15 @@ fn a_missing_scene_fails_before_anything_is_made() {
 }
 
 #[test]
+fn a_machine_without_a_driver_is_told_what_to_install() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stillray"));
+    // The loader's two names, old and new, for the list of drivers.
+    command.env("VK_ICD_FILENAMES", "/nonexistent").env("VK_DRIVER_FILES", "/nonexistent");
+    let output = command.args(["render", "builtin:cornell", "--size", "8x8"]).output().unwrap();
+    check_refusal(&output, 1, "mesa-vulkan-drivers").unwrap();
+}
+
+#[test]
 fn a_scene_that_is_no_scene_fails() {
     let dir = tempfile::tempdir().unwrap();
     for (name, content) in [("a.gltf", &b"no JSON"[..]), ("b.glb", b"glTF\x02"), ("c.txt", b""), ("d.gltf", b"{}")] {
