@@ -6,6 +6,7 @@ mod stage_support;
 mod support;
 
 use bytemuck::bytes_of;
+use glam::DVec3;
 use rayon::prelude::*;
 use stage_support::{BLENDED, Gallery, MASKED, Theatre};
 use std::collections::BTreeMap;
@@ -150,7 +151,7 @@ fn random_sample(theatre: &Theatre, random: &mut Random, alpha: bool) -> Sample 
 fn samples(theatre: &Theatre, seed: u32, count: u32, alpha: bool) -> Vec<Sample> {
     (0..count)
         .into_par_iter()
-        .map(|i| random_sample(theatre, &mut Random::new(seed.wrapping_add(i * 7919)), alpha))
+        .map(|i| random_sample(theatre, &mut Random::new(seed.wrapping_add(i.wrapping_mul(7919))), alpha))
         .collect()
 }
 
@@ -285,8 +286,9 @@ fn wrong_answers_are_caught() {
     support::assert_clean(&device.context);
 }
 
-/// What has just been traced is there when it is looked for. At a silhouette, rounding the point may put it past the edge:
-/// of samples within some 2^-22 of an edge of the picture, which is some 100 pixels long for every 100 pixels of height.
+/// What has just been traced is there when it is looked for, but at silhouettes: rounding moves a point by some 2^-22 of its
+/// distance, which may put it past the edge. Silhouettes as long as 30 times the picture's height have 10^-5 of all samples
+/// that near to them.
 #[test]
 fn a_sample_just_made_is_visible() {
     let theatre = Theatre::new(SIZE);
@@ -301,16 +303,12 @@ fn a_sample_just_made_is_visible() {
         let surfaces = first.iter().filter(|f| f.primitive != HIT_SKY).count();
         println!("alpha {alpha}: {lost} of {} not found again", made.len());
         assert!(surfaces > 30_000 && surfaces < 95_000, "{surfaces}");
-        // One in ten thousand.
-        assert!(lost * 10_000 <= made.len(), "{lost}");
+        assert!(lost * 100_000 <= 10 * made.len(), "{lost}");
         let hit = |f: &Found| (f.instance, f.primitive);
         let other = (0..made.len()).filter(|i| kept(i) && hit(&first[*i]) != hit(&second[*i])).count();
         assert!(other * 1000 <= made.len(), "{other} found on another triangle");
         // Seen from elsewhere, much of it is not.
-        let mut moved = Theatre::new(SIZE);
-        for row in moved.instances.iter_mut().flat_map(|i| i.to_relative.iter_mut()) {
-            row[3] *= 0.9;
-        }
+        let moved = Theatre::seen_from(SIZE, DVec3::new(0.3, 0.2, -0.2));
         let (elsewhere, _) = device.run(&moved, &made);
         assert!((0..made.len()).filter(|&i| made[i] != elsewhere[i]).count() > 1000);
         support::assert_clean(&device.context);
