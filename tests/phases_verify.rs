@@ -169,6 +169,14 @@ fn judge(theatre: &Theatre, before: &Sample, want: &Outcome, got: (&Sample, &Fou
     if bytes_of(sample) == bytes_of(&want.sample) && bytes_of(found) == bytes_of(&want.found) {
         return Ok(false);
     }
+    // Wherever the ray ended, a sample that was kept has not moved, and a new one is the point that was found, to the bit.
+    if found.primitive < FOUND_LOST {
+        let added = before.instance & INSTANCE_MASK == NEW_INSTANCE;
+        let made = || theatre.stage(true).surface(found.instance, found.primitive, found.u, found.v).object.to_array();
+        if sample.position != if added { made() } else { before.position } {
+            return Err(format!("{before:?} has moved to {sample:?}"));
+        }
+    }
     let same = (found.instance, found.primitive) == (want.found.instance, want.found.primitive)
         && sample.instance == want.sample.instance;
     let told = format!("{before:?}: {got:?} against {want:?}");
@@ -283,6 +291,9 @@ fn wrong_answers_are_caught() {
     let visible = wrong.1.iter().position(|f| f.instance < SKY_INSTANCE && f.primitive < FOUND_LOST).unwrap();
     wrong.1[visible].instance |= OCCLUDED_BIT;
     assert!(compare(&theatre, &before, &want, &wrong).is_err(), "one sample hidden");
+    let mut wrong = got.clone();
+    wrong.0[visible].position[0] = wrong.0[visible].position[0].next_up();
+    assert!(compare(&theatre, &before, &want, &wrong).is_err(), "one sample moved by an ulp");
     support::assert_clean(&device.context);
 }
 

@@ -135,37 +135,43 @@ fn reflected(
     let uniform_error = 16.0 * U + 4.0 * COLOR + 8.0 * albedo;
     let mut radiance = surface.emissive + ambient;
     let mut error = 4.0 * COLOR * surface.emissive.max(DVec3::ONE) + environment * (uniform_error + COLOR);
+    let mut unsure = false;
     for light in (0..frame.light_count).filter(|i| lit >> i & 1 != 0).map(|i| &lights[i as usize]) {
         let incident = light_at(light, position.to_array());
         let part = reflector.reflect_light(surface.normal, view, incident.direction);
-        let (relative, absolute) =
-            reflection_error(reflector, bounds, (surface.normal, view, incident.direction), albedo);
+        let directions = (surface.normal, view, incident.direction);
+        let reflection = reflection_error(reflector, bounds, directions, albedo);
         let bare =
             light_at(&Light { inv_range2: 0.0, kind: light.kind & LIGHT_DIRECTIONAL, ..*light }, position.to_array());
         let cone = if light.kind == LIGHT_SPOT { f64::from(light.spot_scale).abs() } else { 0.0 };
         let irradiance_error = bare.irradiance * (40.0 + 64.0 + 64.0 * (1.0 + cone)) * U;
         radiance += part * incident.irradiance;
+        let Some((relative, absolute)) = reflection else {
+            unsure |= incident.irradiance != DVec3::ZERO;
+            continue;
+        };
         error += (part * relative + absolute) * (incident.irradiance + irradiance_error) + part * irradiance_error;
     }
     // Each sum and product of the total rounds once more.
-    (radiance, error + 4.0 * f64::from(frame.light_count + 2) * U * radiance)
+    error += 4.0 * f64::from(frame.light_count + 2) * U * radiance;
+    (radiance, if unsure { DVec3::INFINITY } else { error })
 }
 
 /// Relative error of the specular lobe and absolute error of the diffuse layer, as `brdf_excess` of the test has them, with
-/// the directions and the roughness off too.
+/// the directions and the roughness off too; `None` for a light so low, or a lobe so narrow, that there is no bound.
 fn reflection_error(
     reflector: &Reflector,
     bounds: &Directions,
     (normal, view, light): (DVec3, DVec3, DVec3),
     albedo: f64,
-) -> (f64, f64) {
+) -> Option<(f64, f64)> {
     let along = bounds.normal + 24.0 * U + 3.0 * U;
     let nl = normal.dot(light);
     if nl.abs() <= 4.0 * along {
-        return (f64::INFINITY, f64::INFINITY);
+        return None;
     }
     if nl < 0.0 {
-        return (0.0, 0.0);
+        return Some((0.0, 0.0));
     }
     let nv = normal.dot(view).max(COSINE_MIN);
     let sum = (light + view).length();
@@ -175,12 +181,14 @@ fn reflection_error(
     let blunt = 6.0 * COLOR / alpha.sqrt();
     let cosines = 2.0 * along / nl + 2.0 * (bounds.normal + bounds.view + 3.0 * U) / nv;
     // First order in the angle; what is above it is within the factor for angles below an eighth of alpha.
-    let specular = if angle > alpha / 8.0 { f64::INFINITY } else { 3.0 * angle / alpha };
-    let relative = specular + blunt + cosines + (100.0 + 6.0 / nl + 6.0 / nv) * U + 8.0 * COLOR;
+    if angle > alpha / 8.0 {
+        return None;
+    }
+    let relative = 3.0 * angle / alpha + blunt + cosines + (100.0 + 6.0 / nl + 6.0 / nv) * U + 8.0 * COLOR;
     let mean = 1.0 - reflector.specular_color().max_element();
     let layer = (nl + along) * (64.0 * U + 4.0 * albedo + 4.0 * COLOR) / mean.max(1.0 / 256.0).powi(2)
         * (1.0 - reflector.metallic)
         + along
         + 4.0 * COLOR;
-    (relative, layer)
+    Some((relative, layer))
 }
