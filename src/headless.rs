@@ -135,6 +135,7 @@ pub struct Session {
     renderer: Renderer,
     submitter: Submitter,
     ticket: Option<Ticket>,
+    failed: bool,
 }
 
 impl Session {
@@ -146,7 +147,7 @@ impl Session {
         let context = device.context.clone();
         let renderer = Renderer::with_scene(&context, scene.resident.clone(), settings)?;
         let submitter = Submitter::new(&context)?;
-        Ok(Self { context, renderer, submitter, ticket: None })
+        Ok(Self { context, renderer, submitter, ticket: None, failed: false })
     }
 
     /// Renders a frame and waits for it.
@@ -154,18 +155,17 @@ impl Session {
     /// # Errors
     /// [`Error::Setting`] for inputs that do not fit the scene, [`Error::Vulkan`] if the device is lost.
     pub fn frame(&mut self, inputs: &FrameInputs<'_>) -> Result<FrameStats> {
-        self.frame_without(inputs, None)
-    }
-
-    /// As [`Session::frame`], leaving one barrier out: see [`Renderer::record_without`].
-    #[doc(hidden)]
-    pub fn frame_without(&mut self, inputs: &FrameInputs<'_>, dropped: Option<usize>) -> Result<FrameStats> {
         let renderer = &mut self.renderer;
+        // A frame that was recorded and then failed to run has left no samples.
+        let inputs = FrameInputs { reset: inputs.reset || self.failed, ..*inputs };
         let mut recorded = None;
-        self.submitter.run("frame", |commands| {
-            recorded = Some(renderer.record_without(commands, inputs, dropped));
-        })?;
+        // The submitter waits for every frame, and the session has one renderer and one queue.
+        let ran =
+            self.submitter.run("frame", |commands| recorded = Some(renderer.record_plan(commands, &inputs, None)));
+        self.failed |= ran.is_err();
+        ran?;
         let outputs = recorded.unwrap_or_else(|| Err(lost()))?;
+        self.failed = false;
         self.ticket = Some(outputs.ticket);
         self.renderer.stats(outputs.ticket).ok_or_else(lost)
     }

@@ -33,11 +33,22 @@ pub struct FrameInputs<'a> {
     pub reset: bool,
 }
 
-/// What a recorded frame writes. The handles stay the renderer's and are valid until it is resized or dropped.
+/// What a recorded frame writes. The images of AOVs are had from [`Renderer::aov`], under the same rules.
 ///
-/// The images are in layout GENERAL before and after; they are written in stage COMPUTE_SHADER with access
-/// SHADER_STORAGE_WRITE. A host that reads them puts a barrier from there to its own use behind the recorded commands, and
-/// has read them before it submits the next frame.
+/// *Lifetime*: the handles stay the renderer's and are valid until it is resized or dropped; they are the same for every
+/// frame in between, so that each frame overwrites the one before.
+///
+/// *Layout*: GENERAL before and after, of one level and layer; a host that transitions an image brings it back before the
+/// next frame. The images can be storage images, sampled, and copied from and to.
+///
+/// *Stage*: the frame writes them in COMPUTE_SHADER with access SHADER_STORAGE_WRITE. A host that reads them records, behind
+/// the frame, a barrier from there to its own use, such as COPY with TRANSFER_READ or FRAGMENT_SHADER with
+/// SHADER_SAMPLED_READ.
+///
+/// *The next frame* waits for whatever came before it on the queue in the stages COMPUTE_SHADER, ALL_TRANSFER and
+/// DRAW_INDIRECT, so that images read there need nothing more. A host that reads them in other stages, or on another queue,
+/// sees to it that it has read them before the next frame runs: by an execution dependency to COMPUTE_SHADER, or a
+/// semaphore.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameOutputs {
     /// Scene-linear RGB (Rec. 709 primaries), alpha 1; R16G16B16A16_SFLOAT, or R32G32B32A32_SFLOAT with
@@ -51,7 +62,8 @@ pub struct FrameOutputs {
     pub ticket: Ticket,
 }
 
-/// Names a recorded frame. Two frames can be in flight; the ticket of the one before is spent.
+/// Names a recorded frame to the renderer that recorded it. Two frames can be in flight; the tickets of those before them,
+/// and of all before a resize, are spent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ticket(u64);
 
@@ -59,7 +71,9 @@ pub struct Ticket(u64);
 ///
 /// Samples, and so pictures, carry over from frame to frame. Frames must be submitted in the order in which they were
 /// recorded, to one queue, and at most two may be in flight: before a frame is recorded, the one before the last must have
-/// been waited for.
+/// been waited for. A host that does not submit what it recorded resets the next frame, whose samples would be missing.
+///
+/// Before a renderer is dropped or resized, all of its frames must have been waited for.
 pub struct Renderer {
     context: Context,
     scene: Arc<ResidentScene>,
@@ -69,6 +83,8 @@ pub struct Renderer {
     frames: Frames,
     last: Option<Last>,
     recorded: u64,
+    /// First frame since creation or the last resize: what is known of those before is gone.
+    first: u64,
 }
 
 impl std::fmt::Debug for Renderer {
@@ -126,42 +142,71 @@ impl Renderer {
             frames,
             last: None,
             recorded: 0,
+            first: 0,
         })
     }
 
-    /// Changes the frame's size. All samples are forgotten. Nothing recorded before may still be in flight.
+    /// Changes the frame's size. All samples are forgotten, all tickets are spent, all handles are made anew. Nothing
+    /// recorded before may still be in flight. Memory of both sizes is held for a moment.
     ///
     /// # Errors
-    /// As for [`Renderer::new`]; the renderer then keeps its old size.
+    /// As for [`Renderer::new`]; the renderer then goes on as if nothing had been asked of it.
     pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
         let settings = Settings { size, ..self.settings.clone() };
         settings.validate()?;
         self.frames = Frames::new(&self.context, &self.scene, &settings)?;
         self.settings = settings;
         self.last = None;
+        self.first = self.recorded;
         Ok(())
     }
 
-    /// Records a frame. Nothing is submitted, nothing waited for, no device memory allocated.
+    /// Records a frame: compute dispatches, fills, copies and global memory barriers. Nothing is submitted, nothing waited
+    /// for, no Vulkan object made and no device memory allocated. Bound pipeline, descriptor set 0 and push constants of
+    /// the compute bind point are left changed.
+    ///
+    /// The inputs are copied: nothing of them need outlive the call.
     ///
     /// # Safety
-    /// `commands` must be in the recording state, outside a render pass, from the family of the context's queue. The
-    /// frame before the last must have been waited for.
+    /// - `commands` must be a primary command buffer in the recording state, outside a render pass, from a pool of the
+    ///   family of the context's queue, and recorded to by no other thread meanwhile.
+    /// - It must be submitted at most once, to one queue with all other frames of this renderer, in the order of recording.
+    /// - The frame before the last must have been waited for: its upload memory, its counters and its timestamps are used
+    ///   again.
+    /// - The renderer must not be resized or dropped before the submission has been waited for.
     ///
     /// # Errors
-    /// [`Error::Setting`] if the pose does not fit the scene, or is not finite.
+    /// [`Error::Setting`] if the pose does not fit the scene, or something is not finite. Nothing is recorded then, and the
+    /// renderer is as before.
     pub unsafe fn record(&mut self, commands: vk::CommandBuffer, inputs: &FrameInputs<'_>) -> Result<FrameOutputs> {
-        self.record_without(commands, inputs, None)
+        self.record_plan(commands, inputs, None)
     }
 
-    /// Records a frame and leaves one of its barriers out, for the test that the validation layer notices.
+    /// As [`Renderer::record`], leaving out the barrier before this pass, for the test that the validation layer notices.
+    ///
+    /// # Safety
+    /// As for [`Renderer::record`]; and since the barrier is missing, it must not be submitted.
+    ///
+    /// # Errors
+    /// As for [`Renderer::record`].
     #[doc(hidden)]
-    pub fn record_without(
+    pub unsafe fn record_without(
+        &mut self,
+        commands: vk::CommandBuffer,
+        inputs: &FrameInputs<'_>,
+        pass: usize,
+    ) -> Result<FrameOutputs> {
+        self.record_plan(commands, inputs, Some(pass))
+    }
+
+    /// What [`Renderer::record`] does, under its conditions.
+    pub(crate) fn record_plan(
         &mut self,
         commands: vk::CommandBuffer,
         inputs: &FrameInputs<'_>,
         dropped: Option<usize>,
     ) -> Result<FrameOutputs> {
+        // Whatever can fail comes before whatever changes.
         self.check_inputs(inputs)?;
         let slot = (self.recorded % SLOTS as u64) as usize;
         let moment = self.advance(inputs);
@@ -172,6 +217,7 @@ impl Renderer {
             *dropped = None;
         }
         self.recorder.record(commands, &plan.passes, &barriers, slot as u32);
+        self.recorder.barrier(commands, &plan.end);
         self.recorded += 1;
         Ok(FrameOutputs {
             color: self.frames.buffers.color.raw(),
@@ -220,9 +266,14 @@ impl Renderer {
         &self.settings
     }
 
-    /// The frame's passes and barriers (those of every other frame; the rest differ in which cache is which).
+    /// The passes and barriers of even frames, counted from creation.
     pub fn plan(&self) -> &Plan {
         &self.frames.plans[0]
+    }
+
+    /// The passes and barriers of even and of odd frames, which differ in which cache is which.
+    pub fn plans(&self) -> &[Plan; SLOTS] {
+        &self.frames.plans
     }
 
     /// Sizes of everything that depends on the frame's size.
@@ -231,7 +282,8 @@ impl Renderer {
     }
 
     fn slot(&self, ticket: Ticket) -> Option<usize> {
-        let current = ticket.0 < self.recorded && ticket.0 + SLOTS as u64 >= self.recorded;
+        let oldest = self.first.max(self.recorded.saturating_sub(SLOTS as u64));
+        let current = (oldest..self.recorded).contains(&ticket.0);
         current.then_some((ticket.0 % SLOTS as u64) as usize)
     }
 
@@ -243,13 +295,14 @@ impl Renderer {
             let found = format!("{} instances and {} lights", pose.instances.len(), pose.lights.len());
             return wrong("pose", found, format!("{instances} instances and {lights} lights, as the scene has"));
         }
-        let view = &inputs.view;
-        let usable = view.position.is_finite() && view.rotation.is_finite();
-        if !(usable && view.yfov > 0.0 && view.yfov < std::f64::consts::PI) {
-            let expected = "a finite position and rotation, and a field of view between 0 and π".to_owned();
-            return wrong("view", format!("{view:?}"), expected);
+        let unplaced = pose.instances.iter().position(|t| !t.is_finite());
+        let unlit = pose.lights.iter().position(|l| !(l.position.is_finite() && l.direction.is_finite()));
+        for (what, index) in [("instance", unplaced), ("light", unlit)] {
+            if let Some(index) = index {
+                return wrong("pose", format!("{what} {index}"), "finite transforms only".to_owned());
+            }
         }
-        Ok(())
+        constants::check_view(&inputs.view, self.settings.size)
     }
 
     /// Compares with the last frame, and remembers this one.

@@ -38,7 +38,7 @@ impl Buffer {
     /// Makes a buffer of at least `size` bytes. Its content is undefined.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::OutOfMemory`], or [`Error::TooLarge`] beyond `maxBufferSize`.
     pub fn new(context: &Context, purpose: &str, size: u64, place: Place) -> Result<Self> {
         let (usage, location) = match place {
             Place::Device => (
@@ -52,8 +52,9 @@ impl Buffer {
             Place::Readback => (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu),
         };
         // Vulkan has no empty buffers; fills and copies go by four bytes.
-        let size = size.max(16).next_multiple_of(4);
         let inner = &context.inner;
+        within("maxBufferSize", inner.fit.max_buffer, purpose, size, "lower --size or --density")?;
+        let size = size.max(16).checked_next_multiple_of(4).unwrap_or(size);
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device is alive and the description is complete.
         let raw = check(unsafe { inner.device.create_buffer(&info, None) }, "making a buffer")?;
@@ -151,14 +152,17 @@ impl Drop for Buffer {
 /// [`Error::TooLarge`] with the advice given if not.
 pub fn check_range(context: &Context, what: &str, needed: u64, advice: &str) -> Result<()> {
     let limit = u64::from(context.fit().properties.limits.max_storage_buffer_range);
+    within("maxStorageBufferRange", limit, what, needed, advice)
+}
+
+/// Whether `needed` bytes are within a limit.
+///
+/// # Errors
+/// [`Error::TooLarge`] with all of the arguments if not.
+pub fn within(limit_name: &'static str, limit: u64, what: &str, needed: u64, advice: &str) -> Result<()> {
     if needed <= limit {
         return Ok(());
     }
-    Err(Error::TooLarge {
-        what: what.to_owned(),
-        needed,
-        limit,
-        limit_name: "maxStorageBufferRange",
-        advice: advice.to_owned(),
-    })
+    let (what, advice) = (what.to_owned(), advice.to_owned());
+    Err(Error::TooLarge { what, needed, limit, limit_name, advice })
 }

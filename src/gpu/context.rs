@@ -7,12 +7,13 @@ use crate::{Error, Result};
 use ash::{ext, vk};
 use std::collections::BTreeMap;
 use std::ffi::{CStr, c_void};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// How to make a context of one's own.
 #[derive(Debug, Clone, Default)]
 pub struct ContextOptions {
-    /// Index of the device in the loader's list, or part of its name. Otherwise the best: discrete, integrated, CPU.
+    /// Index of the device in the loader's list, or else part of its name (case does not matter). Without it the best
+    /// device is taken: discrete, integrated, virtual, CPU.
     pub device: Option<String>,
     /// Turns on the Khronos validation layer with synchronisation validation; its messages are kept in
     /// [`Context::validation_messages`]. Costs a lot of time.
@@ -28,7 +29,7 @@ pub struct HostHandles {
     pub instance: vk::Instance,
     /// A device that [`fit::examine`] finds no fault with.
     pub physical_device: vk::PhysicalDevice,
-    /// Made with the features of [`fit::REQUIRED`] enabled.
+    /// Made with the features of [`fit::REQUIRED`] enabled; no extension is needed.
     pub device: vk::Device,
     /// Used for uploads while something is created, under the host's external synchronisation.
     pub queue: vk::Queue,
@@ -53,13 +54,12 @@ pub(crate) struct Inner {
     pub(crate) device: ash::Device,
     pub(crate) memory: Memory,
     pub(crate) fit: Fit,
-    pub(crate) queue: vk::Queue,
+    queue: Mutex<vk::Queue>,
     pub(crate) queue_family: u32,
     pub(crate) debug: Option<ext::debug_utils::Device>,
     pub(crate) cache: vk::PipelineCache,
-    instance: ash::Instance,
-    messenger: Option<Messenger>,
-    owned: bool,
+    // What was adopted is not in here. Dropped after `Inner::drop` has let go of the device.
+    owned: Option<Owned>,
     // Keeps the loader library open; dropped last.
     _entry: ash::Entry,
 }
@@ -86,17 +86,16 @@ impl Context {
     /// [`Error::NoLoader`] without a Vulkan loader, [`Error::NoDevice`] if none fits (each with its reason).
     pub fn new(options: &ContextOptions) -> Result<Self> {
         let entry = load()?;
-        let (instance, messenger) = make_instance(&entry, options.validation)?;
-        let guard = InstanceGuard { instance: Some(instance), messenger: Some(messenger) };
-        let fits = examine_all(guard.instance())?;
+        let mut owned = make_instance(&entry, options.validation)?;
+        let fits = examine_all(&owned.instance)?;
         let fit = choose(&fits, options.device.as_deref())?.clone();
-        let family = fit.queue_family.unwrap_or_default();
-        let device = make_device(guard.instance(), &fit, family)?;
-        let (instance, messenger) = guard.release();
+        let queue_family = fit.queue_family.unwrap_or_default();
+        let device = make_device(&owned.instance, &fit, queue_family)?;
+        owned.device = Some(device.clone());
         // SAFETY: the device was made with one queue of this family.
-        let queue = unsafe { device.get_device_queue(family, 0) };
-        let parts = Parts { entry, instance, device, fit, queue, queue_family: family, messenger, owned: true };
-        Self::assemble(parts)
+        let queue = unsafe { device.get_device_queue(queue_family, 0) };
+        let instance = owned.instance.clone();
+        Self::assemble(Parts { entry, owned: Some(owned), instance, device, fit, queue, queue_family })
     }
 
     /// Adopts a host's device. Nothing of the host's is ever destroyed.
@@ -106,13 +105,14 @@ impl Context {
     /// made from it. `queue` must not be used by another thread while a function that takes the context runs.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] if the device does not fit.
+    /// [`Error::NoDevice`] with the reasons if the physical device does not fit, or if the queue family is not one that
+    /// computes. Whether the device was made with the features enabled cannot be asked of Vulkan.
     pub unsafe fn adopt(host: &HostHandles) -> Result<Self> {
         let functions = ash::StaticFn { get_instance_proc_addr: host.get_instance_proc_addr };
         // SAFETY: the caller vouches for the entry point and for the instance that it belongs to.
         let (entry, instance) =
             unsafe { (ash::Entry::from_static_fn(functions.clone()), ash::Instance::load(&functions, host.instance)) };
-        let fit = fit::examine(&instance, host.physical_device);
+        let fit = fit::examine_family(&instance, host.physical_device, host.queue_family);
         if !fit.rejected.is_empty() {
             let rejected = vec![(fit.name(), fit.rejected.join(", "))];
             return Err(Error::NoDevice { selector: None, rejected });
@@ -120,7 +120,7 @@ impl Context {
         // SAFETY: the caller vouches for the device.
         let device = unsafe { ash::Device::load(instance.fp_v1_0(), host.device) };
         let (queue, queue_family) = (host.queue, host.queue_family);
-        Self::assemble(Parts { entry, instance, device, fit, queue, queue_family, messenger: None, owned: false })
+        Self::assemble(Parts { entry, owned: None, instance, device, fit, queue, queue_family })
     }
 
     /// Every device that the loader lists, whether it fits or not.
@@ -129,9 +129,8 @@ impl Context {
     /// [`Error::NoLoader`] without a Vulkan loader.
     pub fn devices() -> Result<Vec<Fit>> {
         let entry = load()?;
-        let (instance, messenger) = make_instance(&entry, false)?;
-        let guard = InstanceGuard { instance: Some(instance), messenger: Some(messenger) };
-        examine_all(guard.instance())
+        let owned = make_instance(&entry, false)?;
+        examine_all(&owned.instance)
     }
 
     /// What is known about the device.
@@ -146,17 +145,19 @@ impl Context {
 
     /// What the validation layer said so far; empty without [`ContextOptions::validation`].
     pub fn validation_messages(&self) -> Vec<String> {
-        let messages = self.inner.messenger.as_ref().map(|m| &m.messages);
+        let messages = self.inner.messenger().map(|m| &m.messages);
         messages.map_or_else(Vec::new, |m| m.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 
     fn assemble(parts: Parts) -> Result<Self> {
-        let Parts { entry, instance, device, fit, queue, queue_family, messenger, owned } = parts;
-        let memory = Memory::new(&instance, &device, fit.physical)?;
-        let debug = messenger.as_ref().map(|_| ext::debug_utils::Device::new(&instance, &device));
-        let cache = super::pipeline::open_cache(&device, &fit)?;
-        let inner =
-            Inner { device, memory, fit, queue, queue_family, debug, cache, instance, messenger, owned, _entry: entry };
+        // Where something fails, these are dropped in reverse: memory, device, instance, loader.
+        let Parts { entry, owned, instance, device, fit, queue, queue_family } = parts;
+        let memory = Memory::new(&instance, &device, &fit)?;
+        let messenger = owned.as_ref().and_then(|o| o.messenger.as_ref());
+        let debug = messenger.map(|_| ext::debug_utils::Device::new(&instance, &device));
+        let cache = super::cache::open(&device, &fit)?;
+        let queue = Mutex::new(queue);
+        let inner = Inner { device, memory, fit, queue, queue_family, debug, cache, owned, _entry: entry };
         Ok(Self { inner: Arc::new(inner) })
     }
 
@@ -168,74 +169,54 @@ impl Context {
 
 struct Parts {
     entry: ash::Entry,
+    owned: Option<Owned>,
     instance: ash::Instance,
     device: ash::Device,
     fit: Fit,
     queue: vk::Queue,
     queue_family: u32,
-    messenger: Option<Messenger>,
-    owned: bool,
+}
+
+impl Inner {
+    /// The queue, which Vulkan lets one thread at a time submit to: clones of a context share it.
+    pub(crate) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn messenger(&self) -> Option<&Messenger> {
+        self.owned.as_ref().and_then(|o| o.messenger.as_ref())
+    }
 }
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        super::pipeline::save_cache(&self.device, self.cache, &self.fit);
+        super::cache::save(&self.device, self.cache, &self.fit);
         // SAFETY: this is the last reference, so every object made from the device is gone and none of our work is
         // pending; the cache is ours in any case.
         unsafe { self.device.destroy_pipeline_cache(self.cache, None) };
         self.memory.close();
-        if self.owned {
-            // SAFETY: we made device, messenger and instance, and destroy them in reverse order.
-            unsafe {
-                self.device.destroy_device(None);
-                destroy_messenger(self.messenger.take());
-                self.instance.destroy_instance(None);
-            }
-        }
     }
 }
 
-/// Destroys the instance if something fails before a context owns it.
-struct InstanceGuard {
-    instance: Option<ash::Instance>,
-    messenger: Option<Option<Messenger>>,
+/// What a context makes itself, destroyed in reverse order whether a context comes of it or not.
+struct Owned {
+    instance: ash::Instance,
+    messenger: Option<Messenger>,
+    device: Option<ash::Device>,
 }
 
-impl InstanceGuard {
-    fn instance(&self) -> &ash::Instance {
-        // The instance is only taken by `release`, which consumes the guard.
-        match &self.instance {
-            Some(instance) => instance,
-            None => unreachable!("a guard holds its instance until it is consumed"),
-        }
-    }
-
-    fn release(mut self) -> (ash::Instance, Option<Messenger>) {
-        match (self.instance.take(), self.messenger.take()) {
-            (Some(instance), Some(messenger)) => (instance, messenger),
-            _ => unreachable!("a guard is released once"),
-        }
-    }
-}
-
-impl Drop for InstanceGuard {
+impl Drop for Owned {
     fn drop(&mut self) {
-        if let Some(instance) = self.instance.take() {
-            // SAFETY: nothing else was made from the instance, or it was destroyed before.
-            unsafe {
-                destroy_messenger(self.messenger.take().flatten());
-                instance.destroy_instance(None);
+        // SAFETY: we made all three, whatever was made from them is gone, and they are not used after.
+        unsafe {
+            if let Some(device) = self.device.take() {
+                device.destroy_device(None);
             }
+            if let Some(m) = self.messenger.take() {
+                m.loader.destroy_debug_utils_messenger(m.raw, None);
+            }
+            self.instance.destroy_instance(None);
         }
-    }
-}
-
-/// # Safety
-/// The instance must still be alive.
-unsafe fn destroy_messenger(messenger: Option<Messenger>) {
-    if let Some(m) = messenger {
-        // SAFETY: made from the instance that the caller says is alive; not used after.
-        unsafe { m.loader.destroy_debug_utils_messenger(m.raw, None) };
     }
 }
 
@@ -246,7 +227,7 @@ fn load() -> Result<ash::Entry> {
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-fn make_instance(entry: &ash::Entry, validation: bool) -> Result<(ash::Instance, Option<Messenger>)> {
+fn make_instance(entry: &ash::Entry, validation: bool) -> Result<Owned> {
     let app = vk::ApplicationInfo::default().application_name(c"stillray").api_version(fit::API_VERSION);
     let mut layers = Vec::new();
     let mut extensions = Vec::new();
@@ -266,18 +247,17 @@ fn make_instance(entry: &ash::Entry, validation: bool) -> Result<(ash::Instance,
         info = info.push_next(&mut features);
     }
     // SAFETY: all names are static C strings and the chained structures live until the call returns.
-    let instance = check(unsafe { entry.create_instance(&info, None) }, "making an instance")?;
-    if !validation {
-        return Ok((instance, None));
+    let made = unsafe { entry.create_instance(&info, None) };
+    if made.as_ref().err() == Some(&vk::Result::ERROR_INCOMPATIBLE_DRIVER) {
+        // The loader's way of saying that no driver is installed.
+        return Err(Error::NoDevice { selector: None, rejected: Vec::new() });
     }
-    match make_messenger(entry, &instance) {
-        Ok(messenger) => Ok((instance, Some(messenger))),
-        Err(e) => {
-            // SAFETY: nothing was made from the instance.
-            unsafe { instance.destroy_instance(None) };
-            Err(e)
-        }
+    let instance = check(made, "making an instance")?;
+    let mut owned = Owned { instance, messenger: None, device: None };
+    if validation {
+        owned.messenger = Some(make_messenger(entry, &owned.instance)?);
     }
+    Ok(owned)
 }
 
 fn require_validation_layer(entry: &ash::Entry) -> Result<()> {
@@ -329,11 +309,13 @@ fn examine_all(instance: &ash::Instance) -> Result<Vec<Fit>> {
     Ok(physical.into_iter().map(|p| fit::examine(instance, p)).collect())
 }
 
-/// The device that the selector means: an index first, then part of a name; else the best that fits.
+/// The device that the selector means: an index first, then part of a name (`4090` is both); else the best that fits.
 fn choose<'a>(fits: &'a [Fit], selector: Option<&str>) -> Result<&'a Fit> {
-    let asked = |i: usize, f: &Fit| match selector {
-        None => true,
-        Some(s) => s.parse::<usize>().map_or_else(|_| contains(&f.name(), s), |index| index == i),
+    let index = selector.and_then(|s| s.parse::<usize>().ok()).filter(|i| *i < fits.len());
+    let asked = |i: usize, f: &Fit| match (index, selector) {
+        (Some(index), _) => index == i,
+        (None, Some(part)) => contains(&f.name(), part),
+        (None, None) => true,
     };
     let candidates: Vec<&Fit> = fits.iter().enumerate().filter(|(i, f)| asked(*i, f)).map(|(_, f)| f).collect();
     let best = candidates.iter().filter(|f| f.rejected.is_empty()).min_by_key(|f| f.rank());
@@ -360,4 +342,50 @@ fn make_device(instance: &ash::Instance, fit: &Fit, family: u32) -> Result<ash::
         vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features).push_next(&mut v13);
     // SAFETY: the device was enumerated from this instance, and `fit` says that it has the features asked for.
     check(unsafe { instance.create_device(fit.physical, &info, None) }, "making a device")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)] // a panic is a failing test
+mod tests {
+    use super::*;
+
+    fn fit(name: &str, kind: vk::PhysicalDeviceType, rejected: &[&str]) -> Fit {
+        let mut properties = vk::PhysicalDeviceProperties { device_type: kind, ..Default::default() };
+        for (to, from) in properties.device_name.iter_mut().zip(name.bytes()) {
+            *to = from as std::ffi::c_char;
+        }
+        let rejected = rejected.iter().map(|r| (*r).to_owned()).collect();
+        Fit { properties, rejected, ..Fit::default() }
+    }
+
+    fn machine() -> Vec<Fit> {
+        vec![
+            fit("llvmpipe (LLVM 15)", vk::PhysicalDeviceType::CPU, &[]),
+            fit("Radeon Old", vk::PhysicalDeviceType::DISCRETE_GPU, &["Vulkan 1.2 is older than 1.3", "no compute"]),
+            fit("GeForce RTX 4090", vk::PhysicalDeviceType::DISCRETE_GPU, &[]),
+            fit("Intel UHD", vk::PhysicalDeviceType::INTEGRATED_GPU, &[]),
+        ]
+    }
+
+    #[test]
+    fn a_device_is_chosen_by_index_by_name_or_as_the_best_that_fits() {
+        let machine = machine();
+        let chosen = |selector| choose(&machine, selector).map(Fit::name).unwrap();
+        assert_eq!(chosen(None), "GeForce RTX 4090");
+        assert_eq!(chosen(Some("3")), "Intel UHD");
+        assert_eq!(chosen(Some("LLVM")), "llvmpipe (LLVM 15)");
+        assert_eq!(chosen(Some("4090")), "GeForce RTX 4090", "a number that is no index is part of a name");
+    }
+
+    #[test]
+    fn where_none_fits_every_device_is_named_with_its_reason() {
+        let machine = machine();
+        for selector in ["1", "radeon", "voodoo", "17"] {
+            let error = choose(&machine, Some(selector)).unwrap_err().to_string();
+            assert!(error.contains(&format!("'{selector}'")), "{error}");
+            assert!(error.contains("Radeon Old: Vulkan 1.2 is older than 1.3, no compute"), "{error}");
+            assert!(machine.iter().all(|f| error.contains(&f.name())), "{error}");
+        }
+        assert!(choose(&[], None).unwrap_err().to_string().contains("install a driver"));
+    }
 }

@@ -1,15 +1,17 @@
 //! Device memory through gpu-allocator, with a table of what is allocated for what.
 
+use super::fit::Fit;
 use crate::{Error, Result};
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::{AllocationError, MemoryLocation};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 /// The allocator of a context. Interior mutability, since buffers free their memory when dropped.
 pub(crate) struct Memory {
     allocator: Mutex<Option<Allocator>>,
+    most: u64,
 }
 
 impl std::fmt::Debug for Memory {
@@ -19,21 +21,17 @@ impl std::fmt::Debug for Memory {
 }
 
 impl Memory {
-    pub(crate) fn new(
-        instance: &ash::Instance,
-        device: &ash::Device,
-        physical_device: vk::PhysicalDevice,
-    ) -> Result<Self> {
+    pub(crate) fn new(instance: &ash::Instance, device: &ash::Device, fit: &Fit) -> Result<Self> {
         let desc = AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
-            physical_device,
+            physical_device: fit.physical,
             debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
             buffer_device_address: false,
             allocation_sizes: gpu_allocator::AllocationSizes::default(),
         };
         let allocator = Allocator::new(&desc).map_err(|e| lost(&e, "the allocator", 0))?;
-        Ok(Self { allocator: Mutex::new(Some(allocator)) })
+        Ok(Self { allocator: Mutex::new(Some(allocator)), most: fit.max_allocation })
     }
 
     pub(crate) fn allocate(
@@ -43,6 +41,10 @@ impl Memory {
         location: MemoryLocation,
         linear: bool,
     ) -> Result<Allocation> {
+        // Drivers may promise what a heap cannot hold, and are not to be asked for it.
+        if requirements.size > self.most {
+            return Err(lost(&AllocationError::OutOfMemory, purpose, requirements.size));
+        }
         let mut guard = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
         let desc = AllocationCreateDesc {
             name: purpose,
@@ -82,9 +84,9 @@ impl Memory {
     }
 }
 
-fn lost(error: &gpu_allocator::AllocationError, purpose: &str, bytes: u64) -> Error {
+fn lost(error: &AllocationError, purpose: &str, bytes: u64) -> Error {
     match error {
-        gpu_allocator::AllocationError::OutOfMemory => Error::OutOfMemory {
+        AllocationError::OutOfMemory => Error::OutOfMemory {
             bytes,
             purpose: purpose.to_owned(),
             advice: "lower --size or --density, or choose a device with more memory".to_owned(),

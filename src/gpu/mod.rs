@@ -6,7 +6,8 @@
 //! | [`fit`] | what a device must have, and why one does not fit |
 //! | [`memory`] | device memory, with a table of what is allocated for what |
 //! | [`buffer`], [`image`] | buffers and images |
-//! | [`pipeline`] | compute pipelines and the pipeline cache on disk |
+//! | [`pipeline`] | compute pipelines |
+//! | `cache` | the pipeline cache on disk |
 //! | [`pass`] | one step of a frame as data, with its reads and writes; barriers follow from those |
 //! | [`recorder`] | turns passes into commands, with a timestamp at every label |
 //! | [`submit`] | one-off submissions that wait: uploads, read-back, frames without a host |
@@ -17,6 +18,7 @@
 //! still uses it is the caller's error: whoever submits work waits for it before it drops what the work uses.
 
 pub mod buffer;
+mod cache;
 pub mod context;
 pub mod fit;
 pub mod image;

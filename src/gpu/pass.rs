@@ -6,7 +6,7 @@
 //! Before a pass there is at most one global memory barrier, and there is one exactly when the pass conflicts with an
 //! earlier pass of the frame (read after write, write after read, write after write on overlapping memory) and no
 //! barrier in between orders the two already. The first pass of a frame follows a barrier against everything that the
-//! last frame did. Images stay in layout GENERAL (written) or SHADER_READ_ONLY_OPTIMAL (textures), so there are no
+//! last frame did, and one to the host follows the last. Images stay in layout GENERAL (written) or SHADER_READ_ONLY_OPTIMAL (textures), so there are no
 //! layout transitions within a frame.
 
 use super::pipeline::{Pipeline, descriptor_type};
@@ -243,6 +243,17 @@ fn frame_start() -> Barrier {
         | vk::AccessFlags2::TRANSFER_READ
         | vk::AccessFlags2::INDIRECT_COMMAND_READ;
     Barrier { src_stage: stage, src_access: write, dst_stage: stage, dst_access: read | write }
+}
+
+/// Makes copies to mapped memory visible to the host, which still has to wait for the submission: a fence alone does not
+/// (specification, "Host Access to Device Memory Objects").
+pub fn to_host() -> Barrier {
+    Barrier {
+        src_stage: vk::PipelineStageFlags2::ALL_TRANSFER,
+        src_access: vk::AccessFlags2::TRANSFER_WRITE,
+        dst_stage: vk::PipelineStageFlags2::HOST,
+        dst_access: vk::AccessFlags2::HOST_READ,
+    }
 }
 
 /// Makes descriptor sets and the passes that use them.

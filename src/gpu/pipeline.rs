@@ -1,12 +1,10 @@
-//! Compute pipelines with their layouts, and the pipeline cache on disk.
+//! Compute pipelines with their layouts.
 
 use super::check;
 use super::context::{Context, Inner};
-use super::fit::Fit;
 use crate::Result;
 use crate::shaders::{Kind, Shader};
 use ash::vk;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A compute pipeline, with the layouts that its reflected interface asks for.
@@ -109,46 +107,4 @@ impl Drop for Pipeline {
             self.context.device.destroy_descriptor_set_layout(self.set_layout, None);
         }
     }
-}
-
-// --- The cache on disk ---
-
-/// `$XDG_CACHE_HOME/stillray/<pipeline cache UUID>.bin`, or below `~/.cache`. `None` if there is no such place.
-fn cache_path(fit: &Fit) -> Option<PathBuf> {
-    let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
-    let base = base.or_else(|| std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".cache")))?;
-    let uuid: String = fit.properties.pipeline_cache_uuid.iter().map(|b| format!("{b:02x}")).collect();
-    Some(base.join("stillray").join(format!("{uuid}.bin")))
-}
-
-/// The header that drivers must write (specification, "Pipeline Cache Header"): a cache of another device or driver
-/// version is not handed to the driver at all.
-fn belongs(data: &[u8], fit: &Fit) -> bool {
-    let word = |i: usize| data.get(4 * i..4 * i + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
-    word(1) == Some(1)
-        && word(2) == Some(fit.properties.vendor_id)
-        && word(3) == Some(fit.properties.device_id)
-        && data.get(16..32) == Some(&fit.properties.pipeline_cache_uuid[..])
-}
-
-pub(crate) fn open_cache(device: &ash::Device, fit: &Fit) -> Result<vk::PipelineCache> {
-    // A missing or unreadable cache only costs time.
-    let data = cache_path(fit).and_then(|p| std::fs::read(p).ok()).filter(|d| belongs(d, fit)).unwrap_or_default();
-    let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
-    // SAFETY: the device is alive; the data's header names this device and driver.
-    check(unsafe { device.create_pipeline_cache(&info, None) }, "opening the pipeline cache")
-}
-
-pub(crate) fn save_cache(device: &ash::Device, cache: vk::PipelineCache, fit: &Fit) {
-    // SAFETY: the cache was made from this device and is alive.
-    let data = unsafe { device.get_pipeline_cache_data(cache) };
-    let (Some(path), Ok(data)) = (cache_path(fit), data) else { return };
-    // Losing the cache is harmless and not worth a message; a half-written one is excluded by the rename.
-    let write = || -> std::io::Result<()> {
-        std::fs::create_dir_all(path.parent().unwrap_or(&path))?;
-        let temporary = path.with_extension(format!("{}.tmp", std::process::id()));
-        std::fs::write(&temporary, &data)?;
-        std::fs::rename(&temporary, &path)
-    };
-    write().ok();
 }

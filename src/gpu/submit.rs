@@ -65,9 +65,14 @@ impl Submitter {
         check(unsafe { device.end_command_buffer(self.commands) }, &during)?;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
         let submit = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
-        // SAFETY: the queue is ours, or lent for the duration of this call (`Context::adopt`); the fence is unsignalled.
+        let queue = self.context.queue();
+        // SAFETY: the queue is ours and locked, or lent for the duration of this call (`Context::adopt`); the fence is
+        // unsignalled.
+        let submitted = unsafe { device.queue_submit2(*queue, &submit, self.fence) };
+        drop(queue);
+        check(submitted, &during)?;
+        // SAFETY: the fence was submitted, and is reset once it is signalled.
         unsafe {
-            check(device.queue_submit2(self.context.queue, &submit, self.fence), &during)?;
             check(device.wait_for_fences(&[self.fence], true, u64::MAX), &during)?;
             check(device.reset_fences(&[self.fence]), &during)
         }

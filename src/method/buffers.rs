@@ -2,12 +2,12 @@
 
 use super::SLOTS;
 use super::storage::Storage;
-use crate::Result;
 use crate::gpu::buffer::check_range;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Place, Range, Resource};
 use crate::phase::{AovResources, FrameResources};
 use crate::settings::{Aov, Method, Settings};
 use crate::shaders::{Counters, Frame, Instance, Light};
+use crate::{Error, Result};
 use ash::vk;
 
 /// Buffers and images whose size depends on the frame's.
@@ -39,7 +39,8 @@ impl FrameBuffers {
     /// Allocates everything; the counters and images start cleared.
     ///
     /// # Errors
-    /// [`crate::Error::TooLarge`] and [`crate::Error::OutOfMemory`] with what to lower.
+    /// [`Error::TooLarge`] and [`Error::OutOfMemory`] with what to lower, [`Error::Setting`] for a size beyond what images
+    /// of the device can have.
     pub fn new(
         context: &Context,
         settings: &Settings,
@@ -47,8 +48,11 @@ impl FrameBuffers {
         instances: usize,
         lights: usize,
     ) -> Result<Self> {
+        // All sizes are checked before any memory is asked for.
+        check_image(context, settings)?;
+        storage.check(u64::from(context.fit().properties.limits.max_storage_buffer_range))?;
         let make = |purpose: &str, size: u64| {
-            check_range(context, purpose, size, "lower --size, --density or --tolerance")?;
+            check_range(context, purpose, size, "use a scene with fewer instances or lights")?;
             Buffer::new(context, purpose, size, Place::Device)
         };
         let many = |purpose: &str, size: u64, count: u64| -> Result<Vec<Buffer>> {
@@ -73,9 +77,6 @@ impl FrameBuffers {
             color: color_image(context, settings)?,
             aovs: aov_images(context, settings)?,
         };
-        for part in [storage.claims, storage.found, storage.lit, storage.shaded, storage.film] {
-            check_range(context, "a frame's work memory", part, "lower --size, --density or --tolerance")?;
-        }
         buffers.counters.upload(context, 0, bytemuck::bytes_of(&first_counters(storage, buffers.stable)))?;
         Ok(buffers)
     }
@@ -140,6 +141,16 @@ fn first_counters(storage: &Storage, stable: bool) -> Counters {
         samples: storage.capacity as u32,
         ..Counters::default()
     }
+}
+
+fn check_image(context: &Context, settings: &Settings) -> Result<()> {
+    let most = context.fit().properties.limits.max_image_dimension2_d;
+    let [width, height] = settings.size;
+    if width.max(height) <= most {
+        return Ok(());
+    }
+    let expected = format!("at most {most}x{most} on this device (maxImageDimension2D)");
+    Err(Error::Setting { name: "size", value: format!("{width}x{height}"), expected })
 }
 
 fn color_image(context: &Context, settings: &Settings) -> Result<Image> {

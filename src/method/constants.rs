@@ -4,7 +4,8 @@ use super::storage::Storage;
 use crate::scene::{Environment, Light, LightKind, LightPose, View};
 use crate::settings::{Method, Settings};
 use crate::shaders;
-use glam::{DQuat, DVec3};
+use crate::{Error, Result};
+use glam::DVec3;
 
 /// What goes into [`shaders::Frame`] besides the settings.
 #[derive(Debug, Clone, Copy)]
@@ -25,7 +26,7 @@ pub struct Moment {
     pub instances: u32,
 }
 
-/// The constants of a frame.
+/// The constants of a frame whose view [`check_view`] accepts.
 pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, moment: &Moment) -> shaders::Frame {
     let aspect = f64::from(settings.size[0]) / f64::from(settings.size[1]);
     let [right, up, forward] = axes(&moment.view, aspect, settings.size[1]);
@@ -64,9 +65,25 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     }
 }
 
+/// Whether a view can be rendered from.
+///
+/// # Errors
+/// [`Error::Setting`] if it is not finite, has no rotation, or its field of view is not between 0 and π or so close to
+/// either that the tangents of a frame or the angle of a pixel have no normal `f32`.
+pub fn check_view(view: &View, [width, height]: [u32; 2]) -> Result<()> {
+    let turned = view.rotation.length_squared().is_normal();
+    let opened = view.yfov > 0.0 && view.yfov < std::f64::consts::PI;
+    let axes = axes(view, f64::from(width) / f64::from(height), height);
+    if view.position.is_finite() && turned && opened && axes.iter().all(|a| a[3].is_normal()) {
+        return Ok(());
+    }
+    let expected = "a finite position, a unit quaternion and a field of view between 0 and π".to_owned();
+    Err(Error::Setting { name: "view", value: format!("{view:?}"), expected })
+}
+
 /// Camera axes in world space, with the tangents of half the field of view and the angle of a pixel.
 fn axes(view: &View, aspect: f64, height: u32) -> [[f32; 4]; 3] {
-    let rotation = if view.rotation.length_squared() > 0.0 { view.rotation.normalize() } else { DQuat::IDENTITY };
+    let rotation = view.rotation.normalize();
     let tangent = (view.yfov * 0.5).tan();
     let axis = |direction: DVec3, w: f64| (rotation * direction).extend(w).as_vec4().to_array();
     [axis(DVec3::X, tangent * aspect), axis(DVec3::Y, tangent), axis(DVec3::NEG_Z, 2.0 * tangent / f64::from(height))]
@@ -97,6 +114,7 @@ pub fn light(light: &Light, pose: &LightPose, camera: DVec3) -> shaders::Light {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DQuat;
 
     fn view() -> View {
         View { position: DVec3::ZERO, rotation: DQuat::IDENTITY, yfov: std::f64::consts::FRAC_PI_2 }
@@ -110,6 +128,21 @@ mod tests {
         assert_eq!(forward[..3], [0.0, 0.0, -1.0]);
         // tan(π/4) is 1 to an ulp of f64, which f32 rounds away.
         assert_eq!([right[3], up[3], forward[3]], [2.0, 1.0, 0.02]);
+    }
+
+    #[test]
+    fn a_view_that_no_frame_can_be_seen_from_is_refused() {
+        let check = |view: View| check_view(&view, [640, 480]).is_ok();
+        let yfov = |yfov| check(View { yfov, ..view() });
+        assert!(check(view()) && yfov(1e-30) && yfov(3.1));
+        for bad in [0.0, -1.0, std::f64::consts::PI, 4.0, f64::NAN, f64::INFINITY, 1e-40] {
+            assert!(!yfov(bad), "{bad}");
+        }
+        assert!(!check(View { position: DVec3::new(0.0, f64::NAN, 0.0), ..view() }));
+        assert!(check(View { rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0), ..view() }), "is normalised");
+        for bad in [0.0, f64::NAN, 1e200, 1e-200, f64::INFINITY] {
+            assert!(!check(View { rotation: DQuat::from_xyzw(0.0, 0.0, bad, 0.0), ..view() }), "{bad}");
+        }
     }
 
     #[test]

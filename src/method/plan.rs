@@ -14,6 +14,8 @@ pub struct Plan {
     pub passes: Vec<Pass>,
     /// What it waits for; as long as `passes`.
     pub barriers: Vec<Option<Barrier>>,
+    /// What follows: the host may read what the frame reads back.
+    pub end: Barrier,
 }
 
 /// What goes in before the first phase and comes out after the last.
@@ -66,7 +68,7 @@ pub fn plan(
     }
     passes.push(Pass::copy("readback", f.counters, transfers.readback));
     let barriers = pass::barriers(&passes);
-    Ok(Plan { passes, barriers })
+    Ok(Plan { passes, barriers, end: pass::to_host() })
 }
 
 /// The plan in words: a line a pass with what it reads and writes, and the barriers between.

@@ -16,6 +16,8 @@
 //! So `found`, `lit` and `shaded` live where the claims were, and the film where `found` and `lit` were (but for
 //! `reference`, whose film is carried from frame to frame).
 
+use crate::Result;
+use crate::gpu::buffer::within;
 use crate::settings::{Aov, Method, Settings};
 use crate::shaders::{Found, Sample, Shaded};
 
@@ -100,6 +102,28 @@ impl Storage {
     }
 }
 
+impl Storage {
+    /// Whether a device that binds at most `limit` bytes at once (`maxStorageBufferRange`) can hold all of it.
+    ///
+    /// # Errors
+    /// [`crate::Error::TooLarge`] for the first that it cannot, with the settings to lower.
+    pub fn check(&self, limit: u64) -> Result<()> {
+        let advice = if self.caches == 2 { "lower --size, --density or --tolerance" } else { "lower --size or --spp" };
+        let bound = [
+            ("the sample cache", self.samples),
+            ("the list of claims", self.claims),
+            ("the rays' hits", self.found),
+            ("the lights that reach each sample", self.lit),
+            ("the shaded samples", self.shaded),
+            ("the film", self.film),
+            ("the sample ages", self.ages),
+            ("the pixels' offsets", self.offsets),
+            ("the pixels' masks", self.masks),
+        ];
+        bound.into_iter().try_for_each(|(what, size)| within("maxStorageBufferRange", limit, what, size, advice))
+    }
+}
+
 /// Room for the density aimed at and a quarter more for occluded samples, and for the tolerated excess up to once the
 /// density. Where a frame asks for more, every pixel gives up an equal part (`glsl/include/thin.glsl`).
 fn stable_capacity(settings: &Settings, pixels: u64) -> u64 {
@@ -117,6 +141,33 @@ fn occluded_limit(density: f32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn too_large(settings: &Settings, limit: u64) -> Option<String> {
+        Storage::new(settings).check(limit).err().map(|e| e.to_string())
+    }
+
+    #[test]
+    fn what_a_device_cannot_bind_is_refused_with_what_to_lower() {
+        let stable = Settings { size: [1920, 1080], ..Settings::default() };
+        // 64 bytes of claims a pixel are the most that density 1 binds.
+        let most = 64 * 1920 * 1080;
+        assert_eq!(too_large(&stable, most), None);
+        let error = too_large(&stable, most - 1).unwrap_or_default();
+        let words =
+            ["claims", "132710400 bytes", "132710399", "maxStorageBufferRange", "--size", "--density", "--tolerance"];
+        assert!(words.iter().all(|w| error.contains(w)), "{error}");
+        let supersample = Settings { method: Method::Supersample, spp: 16, ..stable };
+        let error = too_large(&supersample, 1 << 27).unwrap_or_default();
+        assert!(error.contains("lower --size or --spp") && !error.contains("density"), "{error}");
+    }
+
+    #[test]
+    fn a_sample_index_leaves_room_for_the_occlusion_bit_within_every_limit_that_vulkan_has() {
+        // Limits are 32 bits, a sample is 16 bytes: 2^28 samples at most.
+        let largest = Settings { size: [16384, 16384], density: 16.0, ..Settings::default() };
+        assert!(too_large(&largest, u64::from(u32::MAX)).is_some());
+        assert!(u64::from(u32::MAX) / size_of::<Sample>() as u64 <= u64::from(crate::shaders::INSTANCE_MASK));
+    }
 
     #[test]
     fn a_pixel_at_density_one_costs_less_than_200_bytes() {

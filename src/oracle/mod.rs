@@ -4,7 +4,6 @@ pub mod bounded;
 pub mod camera;
 pub mod gather;
 pub mod generate;
-pub mod image;
 pub mod random;
 pub mod reconstruct;
 pub mod reproject;

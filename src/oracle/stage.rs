@@ -97,7 +97,7 @@ fn footprint(frame: &Frame, instance: &Instance, object: Vec3) -> f64 {
 /// compiler free to fuse its operations: each product of the cross product is off by 3 U with its edges, their transform by
 /// 4 U, scaling and normalising by 24 U.
 pub fn normal_error(stage: &Stage<'_>, instance: u32, primitive: u32) -> f64 {
-    let [v0, v1, v2] = stage.world.geometry.corners(primitive).map(DVec3::from);
+    let [v0, v1, v2] = stage.world.geometry.corners(primitive).map(glam::Vec3::as_dvec3);
     let (e1, e2) = (v1 - v0, v2 - v0);
     let sizes = |p: DVec3, q: DVec3| {
         let (p, q) = (p.abs(), q.abs());

@@ -1,6 +1,6 @@
 //! What is handed to the user: pictures, tables and JSON. No rendering knowledge.
 //!
-//! Every file is written under a temporary name in its own folder and renamed when it is whole: see [`file`].
+//! Every file is written under a temporary name in its own folder and renamed when it is whole: see [`mod@file`].
 
 pub mod apng;
 pub mod bench;

@@ -2,6 +2,7 @@
 #![allow(dead_code)] // each test binary uses a part of it
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a panic in a test's helper is a failing test
 
+pub mod host;
 pub mod kernel;
 pub mod masks;
 pub mod random;

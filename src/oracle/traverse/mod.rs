@@ -1,5 +1,5 @@
 //! The walk through the acceleration structure on the CPU: the twin of `glsl/include/{ray,intersect,traverse}.glsl`, operation
-//! for operation in f32, so that hits agree to the last bit; and, in [`reference`], the known answers in f64.
+//! for operation in f32, so that hits agree to the last bit; and, in [`mod@reference`], the known answers in f64.
 //!
 //! Why each step is done as it is, and the error bounds, is told in the GLSL; it is not repeated here.
 
