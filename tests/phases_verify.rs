@@ -6,6 +6,7 @@ mod stage_support;
 mod support;
 
 use bytemuck::bytes_of;
+use glam::DVec3;
 use rayon::prelude::*;
 use stage_support::{BLENDED, Gallery, MASKED, Theatre};
 use std::collections::BTreeMap;
@@ -150,7 +151,7 @@ fn random_sample(theatre: &Theatre, random: &mut Random, alpha: bool) -> Sample 
 fn samples(theatre: &Theatre, seed: u32, count: u32, alpha: bool) -> Vec<Sample> {
     (0..count)
         .into_par_iter()
-        .map(|i| random_sample(theatre, &mut Random::new(seed.wrapping_add(i * 7919)), alpha))
+        .map(|i| random_sample(theatre, &mut Random::new(seed.wrapping_add(i.wrapping_mul(7919))), alpha))
         .collect()
 }
 
@@ -167,6 +168,14 @@ fn judge(theatre: &Theatre, before: &Sample, want: &Outcome, got: (&Sample, &Fou
     let (sample, found) = got;
     if bytes_of(sample) == bytes_of(&want.sample) && bytes_of(found) == bytes_of(&want.found) {
         return Ok(false);
+    }
+    // Wherever the ray ended, a sample that was kept has not moved, and a new one is the point that was found, to the bit.
+    if found.primitive < FOUND_LOST {
+        let added = before.instance & INSTANCE_MASK == NEW_INSTANCE;
+        let made = || theatre.stage(true).surface(found.instance, found.primitive, found.u, found.v).object.to_array();
+        if sample.position != if added { made() } else { before.position } {
+            return Err(format!("{before:?} has moved to {sample:?}"));
+        }
     }
     let same = (found.instance, found.primitive) == (want.found.instance, want.found.primitive)
         && sample.instance == want.sample.instance;
@@ -282,11 +291,15 @@ fn wrong_answers_are_caught() {
     let visible = wrong.1.iter().position(|f| f.instance < SKY_INSTANCE && f.primitive < FOUND_LOST).unwrap();
     wrong.1[visible].instance |= OCCLUDED_BIT;
     assert!(compare(&theatre, &before, &want, &wrong).is_err(), "one sample hidden");
+    let mut wrong = got.clone();
+    wrong.0[visible].position[0] = wrong.0[visible].position[0].next_up();
+    assert!(compare(&theatre, &before, &want, &wrong).is_err(), "one sample moved by an ulp");
     support::assert_clean(&device.context);
 }
 
-/// What has just been traced is there when it is looked for. At a silhouette, rounding the point may put it past the edge:
-/// of samples within some 2^-22 of an edge of the picture, which is some 100 pixels long for every 100 pixels of height.
+/// What has just been traced is there when it is looked for, but at silhouettes: rounding moves a point by some 2^-22 of its
+/// distance, which may put it past the edge. Silhouettes as long as 30 times the picture's height have 10^-5 of all samples
+/// that near to them.
 #[test]
 fn a_sample_just_made_is_visible() {
     let theatre = Theatre::new(SIZE);
@@ -301,16 +314,12 @@ fn a_sample_just_made_is_visible() {
         let surfaces = first.iter().filter(|f| f.primitive != HIT_SKY).count();
         println!("alpha {alpha}: {lost} of {} not found again", made.len());
         assert!(surfaces > 30_000 && surfaces < 95_000, "{surfaces}");
-        // One in ten thousand.
-        assert!(lost * 10_000 <= made.len(), "{lost}");
+        assert!(lost * 100_000 <= 10 * made.len(), "{lost}");
         let hit = |f: &Found| (f.instance, f.primitive);
         let other = (0..made.len()).filter(|i| kept(i) && hit(&first[*i]) != hit(&second[*i])).count();
         assert!(other * 1000 <= made.len(), "{other} found on another triangle");
         // Seen from elsewhere, much of it is not.
-        let mut moved = Theatre::new(SIZE);
-        for row in moved.instances.iter_mut().flat_map(|i| i.to_relative.iter_mut()) {
-            row[3] *= 0.9;
-        }
+        let moved = Theatre::seen_from(SIZE, DVec3::new(0.3, 0.2, -0.2));
         let (elsewhere, _) = device.run(&moved, &made);
         assert!((0..made.len()).filter(|&i| made[i] != elsewhere[i]).count() > 1000);
         support::assert_clean(&device.context);

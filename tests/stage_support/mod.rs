@@ -136,7 +136,12 @@ fn placements() -> Vec<(Mesh, DAffine3)> {
 
 impl Theatre {
     pub fn new(size: [u32; 2]) -> Self {
-        Self::with(size, placements())
+        Self::with(size, placements(), DVec3::ZERO)
+    }
+
+    /// The same from another place.
+    pub fn seen_from(size: [u32; 2], camera: DVec3) -> Self {
+        Self::with(size, placements(), camera)
     }
 
     /// The camera stands in a closed room of opaque walls, and everything else is outside. `hole` opens it.
@@ -149,10 +154,10 @@ impl Theatre {
         let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.4);
         let room =
             (room, DAffine3::from_scale_rotation_translation(DVec3::new(1.0, -1.3, 1.5), turn, DVec3::splat(0.1)));
-        Self::with(size, placements().into_iter().chain([room]).collect())
+        Self::with(size, placements().into_iter().chain([room]).collect(), DVec3::ZERO)
     }
 
-    fn with(size: [u32; 2], placed: Vec<(Mesh, DAffine3)>) -> Self {
+    fn with(size: [u32; 2], placed: Vec<(Mesh, DAffine3)>, camera: DVec3) -> Self {
         let random = &mut Random::new(11);
         let (meshes, transforms): (Vec<Mesh>, Vec<DAffine3>) = placed.into_iter().unzip();
         let textures = (0..2).map(|image| scene::Texture {
@@ -174,7 +179,7 @@ impl Theatre {
         let mut instances: Vec<shaders::Instance> = transforms
             .iter()
             .zip(&geometry.meshes)
-            .map(|(m, mesh)| place(&geometry, mesh, (m, DVec3::ZERO), (&before(m), DVec3::ZERO)))
+            .map(|(m, mesh)| place(&geometry, mesh, (m, camera), (&before(m), DVec3::ZERO)))
             .collect();
         let mut tlas = Tlas::default();
         tlas.rebuild(&geometry, &mut instances);
@@ -232,9 +237,9 @@ fn lights() -> Vec<shaders::Light> {
         (LightKind::Directional, DVec3::ZERO, down),
         (LightKind::Point, DVec3::new(1.0, 3.0, -5.0), down),
         (spot, DVec3::new(-3.0, 4.0, -4.0), DVec3::new(0.4, -0.8, -0.6).normalize()),
-        // Inside a ball, and under the floor.
+        // Inside a ball, and lower than the floor, past its edge.
         (LightKind::Point, DVec3::new(2.2, 0.2, -8.0), down),
-        (LightKind::Point, DVec3::new(0.0, -4.0, -8.0), down),
+        (LightKind::Point, DVec3::new(11.0, -2.4, -8.0), down),
     ];
     let one =
         |(kind, position, direction)| constants::light(&light(kind), &LightPose { position, direction }, DVec3::ZERO);

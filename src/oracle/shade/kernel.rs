@@ -1,1 +1,194 @@
-//! Shading.
+//! The radiance and the place of every visible sample. Twin of `glsl/shade.comp`, in f64, with bounds on what a device's
+//! f32 may be off by.
+//!
+//! The bounds are those of `tests/shading_twin.rs` for each part, put together; `U` is f32's unit roundoff.
+
+use glam::{DVec3, Vec3, Vec4};
+
+use super::brdf::{COSINE_MIN, Reflector};
+use super::light::light_at;
+use super::material::{Surface, surface_at};
+use crate::oracle::bounded::Bounded;
+use crate::oracle::camera::{Projection, project_bounded, transform_bounded};
+use crate::oracle::stage::{Stage, U, normal_error};
+use crate::oracle::traverse::transform_point;
+use crate::shaders::{
+    FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, OCCLUDED_BIT, SKY_INSTANCE, Sample,
+};
+
+/// A visible sample, shaded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shading {
+    /// Radiance towards the camera, scene-linear RGB.
+    pub radiance: DVec3,
+    /// What a device's may differ by; infinite where it depends on a sign that rounding decides.
+    pub error: DVec3,
+    /// Where it lies in this frame.
+    pub place: Projection,
+    /// Where it lay in the last frame.
+    pub last: Projection,
+    /// Distance from the camera in metres; infinite for the sky.
+    pub depth: f64,
+}
+
+/// Shades one entry of the list; `None` for what is hidden or lost.
+pub fn shade(stage: &Stage<'_>, lights: &[Light], sample: &Sample, found: &Found, lit: u32) -> Option<Shading> {
+    if found.primitive == FOUND_LOST || found.instance & OCCLUDED_BIT != 0 {
+        return None;
+    }
+    let environment = Vec4::from(stage.frame.environment).truncate().as_dvec3();
+    let (radiance, error) = if found.instance == SKY_INSTANCE {
+        (environment, DVec3::ZERO)
+    } else {
+        surface_radiance(stage, lights, environment, found, lit)
+    };
+    let (place, last, depth) = locate(stage, sample);
+    Some(Shading { radiance, error, place, last, depth })
+}
+
+/// Where the sample is now, where it was, and how far away it is.
+fn locate(stage: &Stage<'_>, sample: &Sample) -> (Projection, Projection, f64) {
+    let frame = stage.frame;
+    let id = sample.instance & INSTANCE_MASK;
+    let position = sample.position;
+    let before =
+        Frame { right: frame.previous_right, up: frame.previous_up, forward: frame.previous_forward, ..*frame };
+    if id >= frame.instance_count {
+        let at = position.map(Bounded::exact);
+        return (project_bounded(frame, at), project_bounded(&before, at), f64::INFINITY);
+    }
+    let instance = stage.instance(id);
+    let now = transform_bounded(&instance.to_relative, position);
+    let then = transform_bounded(&instance.previous, position);
+    let depth = transform_point(&instance.to_relative, position.into()).as_dvec3().length();
+    (project_bounded(frame, now), project_bounded(&before, then), depth)
+}
+
+/// Bounds on the directions that shading starts from, in radians.
+struct Directions {
+    normal: f64,
+    view: f64,
+    /// Whether a surface seen from behind is told from one seen from the front on every device.
+    side_is_sure: bool,
+}
+
+fn surface_radiance(
+    stage: &Stage<'_>,
+    lights: &[Light],
+    environment: DVec3,
+    found: &Found,
+    lit: u32,
+) -> (DVec3, DVec3) {
+    let material = stage.material(found.primitive);
+    let instance = stage.instance(found.instance);
+    let point = stage.surface(found.instance, found.primitive, found.u, found.v);
+    let position = point.position.as_dvec3();
+    let geometric = point.normal.as_dvec3();
+    let view = if position.length() > 0.0 { -position.normalize() } else { geometric };
+    let spot = stage.spot(found.primitive, found.u, found.v);
+    let surface = surface_at(material, instance, &spot, geometric, view, stage.textures);
+    let at = spot.attributes();
+    let map = (material.normal_texture.texel_size != 0)
+        .then(|| stage.textures.sample(&material.normal_texture, at.uv0, at.uv1, false).truncate() * 2.0 - 1.0);
+    let flip = normal_error(stage, found.instance, found.primitive);
+    let bounds = Directions {
+        normal: normal_bound(map, f64::from(material.normal_scale)),
+        view: 12.0 * U,
+        side_is_sure: geometric.dot(view).abs() > flip + 16.0 * U,
+    };
+    let (radiance, error) = reflected(&surface, &bounds, view, (environment, lights, lit), point.position, stage.frame);
+    if surface.unlit {
+        return (radiance, error);
+    }
+    (radiance, if bounds.side_is_sure { error } else { DVec3::INFINITY })
+}
+
+/// As `material_excess` of the test has it: 128 U for a smooth normal; with a map, whose length divides, three times that
+/// for each axis and 32 U of the map's values.
+fn normal_bound(map: Option<DVec3>, scale: f64) -> f64 {
+    let Some(m) = map else { return 3f64.sqrt() * 128.0 * U };
+    let length = (m * DVec3::new(scale, scale, 1.0)).length();
+    3f64.sqrt() * (3.0 * 384.0 * U * length + 3.0 * 32.0 * U * scale.max(1.0)) / length
+}
+
+/// Colour factors are off by 40 U, emission by four times that.
+const COLOR: f64 = 40.0 * U;
+/// Absolute error of the fits of the lobe's albedo, but for that of their arguments.
+const FIT: f64 = 2.0 * 4.1 * 10.0 * U;
+
+fn reflected(
+    surface: &Surface,
+    bounds: &Directions,
+    view: DVec3,
+    (environment, lights, lit): (DVec3, &[Light], u32),
+    position: Vec3,
+    frame: &Frame,
+) -> (DVec3, DVec3) {
+    let reflector = &surface.reflector;
+    if surface.unlit {
+        return (reflector.base_color, DVec3::splat(COLOR));
+    }
+    // The albedo has a slope of 4.1 in the cosine and 10.7 in alpha, which is a square.
+    let albedo = FIT + 4.1 * (bounds.normal + bounds.view + 3.0 * U) + 10.7 * 3.0 * COLOR;
+    let uniform = reflector.reflect_uniform(surface.normal, view);
+    let ambient = uniform * environment * surface.occlusion;
+    let uniform_error = 16.0 * U + 4.0 * COLOR + 8.0 * albedo;
+    let mut radiance = surface.emissive + ambient;
+    let mut error = 4.0 * COLOR * surface.emissive.max(DVec3::ONE) + environment * (uniform_error + COLOR);
+    let mut unsure = false;
+    for light in (0..frame.light_count).filter(|i| lit >> i & 1 != 0).map(|i| &lights[i as usize]) {
+        let incident = light_at(light, position.to_array());
+        let part = reflector.reflect_light(surface.normal, view, incident.direction);
+        let directions = (surface.normal, view, incident.direction);
+        let reflection = reflection_error(reflector, bounds, directions, albedo);
+        let bare =
+            light_at(&Light { inv_range2: 0.0, kind: light.kind & LIGHT_DIRECTIONAL, ..*light }, position.to_array());
+        let cone = if light.kind == LIGHT_SPOT { f64::from(light.spot_scale).abs() } else { 0.0 };
+        let irradiance_error = bare.irradiance * (40.0 + 64.0 + 64.0 * (1.0 + cone)) * U;
+        radiance += part * incident.irradiance;
+        let Some((relative, absolute)) = reflection else {
+            unsure |= incident.irradiance != DVec3::ZERO;
+            continue;
+        };
+        error += (part * relative + absolute) * (incident.irradiance + irradiance_error) + part * irradiance_error;
+    }
+    // Each sum and product of the total rounds once more.
+    error += 4.0 * f64::from(frame.light_count + 2) * U * radiance;
+    (radiance, if unsure { DVec3::INFINITY } else { error })
+}
+
+/// Relative error of the specular lobe and absolute error of the diffuse layer, as `brdf_excess` of the test has them, with
+/// the directions and the roughness off too; `None` for a light so low, or a lobe so narrow, that there is no bound.
+fn reflection_error(
+    reflector: &Reflector,
+    bounds: &Directions,
+    (normal, view, light): (DVec3, DVec3, DVec3),
+    albedo: f64,
+) -> Option<(f64, f64)> {
+    let along = bounds.normal + 24.0 * U + 3.0 * U;
+    let nl = normal.dot(light);
+    if nl.abs() <= 4.0 * along {
+        return None;
+    }
+    if nl < 0.0 {
+        return Some((0.0, 0.0));
+    }
+    let nv = normal.dot(view).max(COSINE_MIN);
+    let sum = (light + view).length();
+    let alpha = (reflector.roughness * reflector.roughness).max(1.0 / 1024.0);
+    let angle = bounds.normal + (bounds.view + 24.0 * U) / sum + (4.0 / sum + 8.0) * U;
+    // The roughness is off by COLOR; alpha is its square, and D falls with the square of alpha, V with alpha at most.
+    let blunt = 6.0 * COLOR / alpha.sqrt();
+    let cosines = 2.0 * along / nl + 2.0 * (bounds.normal + bounds.view + 3.0 * U) / nv;
+    // First order in the angle; what is above it is within the factor for angles below an eighth of alpha.
+    if angle > alpha / 8.0 {
+        return None;
+    }
+    let relative = 3.0 * angle / alpha + blunt + cosines + (100.0 + 6.0 / nl + 6.0 / nv) * U + 8.0 * COLOR;
+    let mean = 1.0 - reflector.specular_color().max_element();
+    let layer = (nl + along) * (64.0 * U + 4.0 * albedo + 4.0 * COLOR) / mean.max(1.0 / 256.0).powi(2)
+        * (1.0 - reflector.metallic)
+        + along
+        + 4.0 * COLOR;
+    Some((relative, layer))
+}
