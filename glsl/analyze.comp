@@ -28,11 +28,15 @@ void decide(uvec2 pixel) {
     }
     uint decided = near[4] & 0xffffu;
     if ((frame.data.flags & FRAME_SETTLED) == 0u) {
-        uint quarters = window_quarters(pixel, frame.data.size);
-        uint count = window_count(near);
-        int demand = sample_demand(count, quarters, frame.data.d_target, frame.data.d_tolerance, pixel);
         uint h = pixel_hash(pixel, frame.data.frame, frame.data.seed);
-        decided = plan_pixel(near[4], demand, frame.data.occluded_limit, h);
+        // A pixel that is due less than a sample cannot answer for itself.
+        bool edge = frame.data.d_target >= 1.0 && window_hides(near);
+        uint word = edge ? balanced(near[4], hash_uint(~h)) : near[4];
+        uint quarters = edge ? 4u : window_quarters(pixel, frame.data.size);
+        uint count = edge ? uint(bitCount(word >> 16)) : window_count(near);
+        float tolerance = edge ? 0.0 : frame.data.d_tolerance;
+        int demand = sample_demand(count, quarters, frame.data.d_target, tolerance, pixel);
+        decided = plan_pixel(word, demand, frame.data.occluded_limit, h);
     }
     plan.data[pixel_index(pixel, frame.data.size)] = decided;
     atomicAdd(tally[0], uint(bitCount(decided)));

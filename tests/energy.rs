@@ -1,43 +1,118 @@
-//! Stable frames carry the energy that they should: against converged references, and against analytic answers.
+//! Stable frames carry the energy that they should: against the reference, over ten frames of each motion.
+//!
+//! What has a closed form is in `analytic.rs`.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a panic is a failing test
 mod support;
 
-use stillray::renderer::{FrameInputs, Method, Settings};
+use stillray::gpu::ContextOptions;
+use stillray::headless::{Device, LoadedScene};
+use stillray::progress::Quiet;
+use stillray::renderer::{FrameStats, Method, Settings};
 use stillray::scene::motion::Motion;
 use support::rig::{Rig, load, mean};
 
 const FRAMES: u32 = 10;
+const SIZE: [u32; 2] = [128, 96];
 
-/// Mean radiance of `stable` over ten frames, and of the reference over the same ten.
-fn energies(rig: &Rig, motion: Motion, stable: &Settings, reference_frames: u32) -> (f64, f64) {
-    let pose = rig.scene.pose(0.0);
-    let mut session = rig.session(stable);
-    let settings = Settings { method: Method::Reference, spp: 16, float_output: true, ..stable.clone() };
-    let mut reference = rig.session(&settings);
-    let (mut ours, mut theirs) = (0.0, 0.0);
-    for i in 0..FRAMES {
-        rig.frame(&mut session, motion, i);
-        ours += mean(&session.color().unwrap());
-        let view = rig.view(motion, f64::from(i) / 60.0);
-        for j in 0..reference_frames {
-            reference.frame(&FrameInputs { view, pose: &pose, reset: j == 0 }).unwrap();
-        }
-        theirs += mean(&reference.color().unwrap());
-    }
-    (ours / f64::from(FRAMES), theirs / f64::from(FRAMES))
+/// Without the validation layer, which takes most of the time; one test below has it on.
+fn rig(name: &str) -> Rig {
+    let scene = load(&format!("builtin:{name}"));
+    let device = Device::with_options(&ContextOptions { device: None, validation: false }).unwrap();
+    let loaded = LoadedScene::new(&device, &scene, &Quiet).unwrap();
+    Rig { device, scene, loaded }
+}
+
+/// Mean radiance of each frame of the reference: 16 samples a pixel, with new positions in each frame, so that over ten
+/// frames each pixel has 160. (`reference` itself is this, accumulated; a moving camera would have it start anew, with the
+/// same positions, each time.)
+fn reference(rig: &Rig, motion: Motion, frames: u32) -> Vec<f64> {
+    let settings = Settings {
+        method: Method::Supersample,
+        jitter: true,
+        spp: 16,
+        float_output: true,
+        size: SIZE,
+        ..Settings::default()
+    };
+    render(rig, &settings, motion, frames).into_iter().map(|f| f.0).collect()
+}
+
+/// Mean radiance of each frame, and its counts.
+fn render(rig: &Rig, settings: &Settings, motion: Motion, frames: u32) -> Vec<(f64, FrameStats)> {
+    let mut session = rig.session(settings);
+    let frame = |i: u32| {
+        let stats = rig.frame(&mut session, motion, i);
+        (mean(&session.color().unwrap()), stats)
+    };
+    (0..frames).map(frame).collect()
+}
+
+fn settings(density: f32, seed: u32) -> Settings {
+    Settings { size: SIZE, density, seed, float_output: true, ..Settings::default() }
+}
+
+/// Energy over that of the reference, less one, over all frames.
+fn bias(frames: &[(f64, FrameStats)], reference: &[f64]) -> f64 {
+    frames.iter().map(|f| f.0).sum::<f64>() / reference.iter().sum::<f64>() - 1.0
 }
 
 #[test]
 fn stable_at_density_four_is_within_one_percent_of_the_reference() {
-    for name in ["hairball?strands=300", "spheres", "cornell"] {
-        let rig = Rig::new(load(&format!("builtin:{name}")));
+    for name in ["hairball?strands=300", "cornell", "terrain"] {
+        let rig = rig(name);
         for motion in [Motion::Rotate, Motion::Pan, Motion::Zoom, Motion::Orbit, Motion::Dolly] {
-            let settings = Settings { size: [128, 96], density: 4.0, float_output: true, ..Settings::default() };
-            let (stable, reference) = energies(&rig, motion, &settings, 2);
-            let ratio = stable / reference;
-            println!("{name:<22} {motion}: {stable:.6} / {reference:.6} = {ratio:.5}");
-            assert!((ratio - 1.0).abs() < 0.01, "{name}, {motion}: {ratio}");
+            let reference = reference(&rig, motion, FRAMES);
+            let bias = bias(&render(&rig, &settings(4.0, 0), motion, FRAMES), &reference);
+            println!("{name:<22} {motion:<7} {:+.3} %", 100.0 * bias);
+            assert!(bias.abs() < 0.01, "{name}, {motion}: {bias}");
         }
-        rig.assert_clean();
     }
+}
+
+#[test]
+fn the_comparison_notices_two_percent() {
+    let rig = rig("cornell");
+    let mut brighter = rig.scene.clone();
+    brighter.lights.iter_mut().for_each(|light| light.intensity *= 1.025);
+    let loaded = LoadedScene::new(&rig.device, &brighter, &Quiet).unwrap();
+    let truth = reference(&rig, Motion::Pan, FRAMES);
+    let other = Rig { scene: brighter, loaded, device: rig.device };
+    let bias = bias(&render(&other, &settings(4.0, 0), Motion::Pan, FRAMES), &truth);
+    assert!(bias > 0.01, "{bias}");
+}
+
+/// Known limitation. Verification comes after the analysis (paper 1, Figure 2): in the first frame of a movement, samples
+/// that just got covered are counted as there, nothing replaces them, and what lies behind weighs too little. If a part m
+/// of the frame's samples is missing, and radiance is not negative, the mean is too large by a factor of 1 / (1 - m) at most.
+#[test]
+fn the_first_frame_of_a_movement_misses_what_got_covered() {
+    let rig = rig("hairball?strands=300");
+    let truth = reference(&rig, Motion::Pan, 2);
+    for density in [4.0, 1.0] {
+        let mut change = 0.0;
+        for seed in 0..2 {
+            let frames = render(&rig, &settings(density, seed), Motion::Pan, 2);
+            let missing = f64::from(frames[1].1.occluded) / f64::from(frames[1].1.rays);
+            // Against its own frame 0, which has the same samples and so the same noise.
+            let bias = |i: usize| frames[i].0 / truth[i];
+            let gained = bias(1) / bias(0);
+            println!("density {density}: {missing:.3} of the samples missing, {gained:.4} times the energy");
+            assert!(missing > 0.05 && gained < 1.0 / (1.0 - missing), "{missing} {gained}");
+            change += 0.5 * (gained - 1.0);
+        }
+        assert!(change > 0.005, "strands gain weight: {change}. If they no longer do, this limitation is gone");
+    }
+    // A camera that turns covers nothing, and the mean stays.
+    let truth = reference(&rig, Motion::Rotate, 2);
+    let frames = render(&rig, &settings(4.0, 0), Motion::Rotate, 2);
+    assert!((frames[1].0 / truth[1] / (frames[0].0 / truth[0]) - 1.0).abs() < 0.005);
+    assert_eq!(frames[1].1.occluded, 0);
+}
+
+#[test]
+fn moving_frames_are_clean() {
+    let rig = Rig::new(load("builtin:spheres"));
+    let small = Settings { size: [48, 32], ..settings(4.0, 0) };
+    assert!(render(&rig, &small, Motion::Orbit, 4).iter().all(|f| f.0.is_finite() && f.0 > 0.0));
+    rig.assert_clean();
 }

@@ -6,7 +6,7 @@ mod support;
 use bytemuck::Zeroable;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
-use stillray::oracle::analyze::{self, Analysis, BAYER, plan_pixel, sample_demand, stratum_mask};
+use stillray::oracle::analyze::{self, Analysis, BAYER, balanced, plan_pixel, sample_demand, stratum_mask};
 use stillray::oracle::camera::{pixel_index, pixels_in_order, tiles};
 use stillray::oracle::random::pixel_hash;
 use stillray::shaders::{self, Counters, FRAME_SETTLED, Frame};
@@ -98,14 +98,14 @@ fn a_settled_frame_keeps_everything() {
     assert!(plan.iter().zip(&masks).all(|(plan, mask)| *plan == mask & 0xffff));
 }
 
-/// A plan made from other windows and other strata than ours, to show that the comparison notices.
+/// The plan of the paper's rule, which holds where nothing is hidden and below a sample a pixel, made from other windows and other strata than ours, to show that the comparison notices.
 fn plan_with(frame: &Frame, masks: &[u32], seen: impl Fn(u32) -> u32, turn: u32) -> Vec<u32> {
     let seen: Vec<u32> = masks.iter().map(|&m| seen(m)).collect();
     // Turning a mask's columns by one before planning and back after is what a shifted stratum mask does.
     let columns = |half: u32, by: u32| (0..16).fold(0, |m, b| m | (half >> b & 1) << (b / 4 * 4 + (b + by) % 4));
     let turned = |word: u32, by: u32| columns(word & 0xffff, by) | columns(word >> 16, by) << 16;
     let plan = pixels_in_order(frame.size).zip(masks).map(|(pixel, &word)| {
-        let (count, quarters) = analyze::window(pixel, frame.size, &seen);
+        let (count, quarters) = analyze::window(pixel, frame.size, &seen, |m| m >> 16);
         let demand = sample_demand(count, quarters, frame.d_target, frame.d_tolerance, pixel);
         let h = pixel_hash(pixel, frame.frame, frame.seed);
         turned(plan_pixel(turned(word, turn), demand, frame.occluded_limit, h), 4 - turn)
@@ -120,7 +120,7 @@ fn wrong_twins_are_caught() {
     let random = &mut Random::new(9);
     let size = [64, 40];
     let masks = random_masks(random, size);
-    let frame = Frame { size, d_target: 3.0, d_tolerance: 0.5, occluded_limit: 4, ..Frame::zeroed() };
+    let frame = Frame { size, d_target: 0.75, d_tolerance: 0.5, occluded_limit: 4, ..Frame::zeroed() };
     let device = on_device(&kernel, &frame, &masks);
     let twin = |plan: Vec<u32>| Analysis { plan, ..analyze::analyze(&frame, &masks) };
     assert_eq!(compare(&device, &twin(plan_with(&frame, &masks, |m| m, 0))), Ok(()));
@@ -129,6 +129,13 @@ fn wrong_twins_are_caught() {
     assert!(compare(&device, &twin(plan_with(&frame, &masks, shifted, 0))).is_err());
     assert!(compare(&device, &twin(plan_with(&frame, &masks, |m| m | m << 16, 0))).is_err());
     assert!(compare(&device, &twin(plan_with(&frame, &masks, |m| m, 1))).is_err());
+    // The paper's rule at edges.
+    let denser = Frame { d_target: 3.0, ..frame };
+    let papers = Analysis { plan: plan_with(&denser, &masks, |m| m, 0), ..analyze::analyze(&denser, &masks) };
+    assert!(compare(&on_device(&kernel, &denser, &masks), &papers).is_err());
+    let all_visible: Vec<u32> = masks.iter().map(|m| (m >> 16) * 0x1_0001).collect();
+    let plan = plan_with(&denser, &all_visible, |m| m, 0);
+    assert_eq!(analyze::analyze(&denser, &all_visible).plan, plan, "where nothing is hidden it is the paper's");
     // One tile's count off by one.
     let mut off = analyze::analyze(&frame, &masks);
     off.tiles[7] += 1;
@@ -271,14 +278,14 @@ fn the_window_is_clipped_to_the_frame() {
     for (size, pixel, quarters) in
         [([1, 1], [0, 0], 4), ([1, 9], [0, 4], 8), ([5, 5], [0, 0], 9), ([5, 5], [2, 0], 12), ([5, 5], [2, 2], 16)]
     {
-        assert_eq!(analyze::window(pixel, size, &full(size)), (4 * quarters, quarters));
+        assert_eq!(analyze::window(pixel, size, &full(size), |m| m >> 16), (4 * quarters, quarters));
     }
     // Of a neighbour only the half that faces the pixel counts.
     let mut masks = vec![0; 25];
     masks[pixel_index([1, 2], [5, 5])] = 0x1111_1111;
-    assert_eq!(analyze::window([2, 2], [5, 5], &masks).0, 0);
+    assert_eq!(analyze::window([2, 2], [5, 5], &masks, |m| m >> 16).0, 0);
     masks[pixel_index([1, 2], [5, 5])] = 0x8888_8888;
-    assert_eq!(analyze::window([2, 2], [5, 5], &masks).0, 4);
+    assert_eq!(analyze::window([2, 2], [5, 5], &masks, |m| m >> 16).0, 4);
 }
 
 /// A still scene in which everything stays visible: what a frame adds, the next one finds.
@@ -317,4 +324,36 @@ fn a_still_scene_settles_by_itself() {
         println!("d_target {target}, d_tolerance {tolerance}: {frames:?}");
         assert!(frames.is_some_and(|n| n <= 32), "{target} {tolerance} {frames:?}");
     }
+}
+
+proptest! {
+    #[test]
+    fn balancing_only_evicts_what_crowds((word, _, _, h) in pixels()) {
+        let after = balanced(word, h);
+        prop_assert_eq!(after & !word, 0, "nothing is added");
+        let hidden = |w: u32| w & 0xffff & !(w >> 16);
+        prop_assert_eq!(hidden(after), hidden(word), "what is hidden stays");
+        let (least, counts) = (in_stratum(word >> 16).into_iter().min(), in_stratum(after >> 16));
+        prop_assert_eq!(counts.into_iter().min(), least, "the emptiest stratum keeps what it has");
+        prop_assert!(counts.into_iter().max() <= least.map(|l| l + 1));
+        let even = in_stratum(word >> 16).into_iter().max() <= least.map(|l| l + 1);
+        prop_assert_eq!(after == word, even, "and an even pixel all of it");
+    }
+}
+
+/// Planned density of a row of pixels with these visible and hidden subpixels, in the middle of it.
+fn planned(visible: u32, hidden: u32) -> u32 {
+    let frame = Frame { size: [5, 5], d_target: 4.0, d_tolerance: 1.0, occluded_limit: 4, ..Frame::zeroed() };
+    let plan = analyze::analyze(&frame, &[visible << 16 | visible | hidden; 25]).plan[12];
+    let kept = plan & 0xffff & !hidden;
+    assert_eq!((plan >> 16) & kept, 0);
+    kept | plan >> 16
+}
+
+#[test]
+fn beside_hidden_samples_every_stratum_gets_its_own() {
+    // Three samples in one stratum, none in two: within the window's tolerance, and left alone where nothing is hidden.
+    let crowded = 0x0001 | 0x0002 | 0x0010 | 0x8000;
+    assert_eq!(planned(crowded, 0), crowded);
+    assert_eq!(in_stratum(planned(crowded, 0x0400)), [1; 4]);
 }

@@ -30,9 +30,9 @@ pub fn analyze(frame: &Frame, masks: &[u32]) -> Analysis {
         let decided = if frame.flags & FRAME_SETTLED != 0 {
             word & 0xffff
         } else {
-            let (count, quarters) = window(pixel, size, masks);
-            let demand = sample_demand(count, quarters, frame.d_target, frame.d_tolerance, pixel);
-            plan_pixel(word, demand, frame.occluded_limit, pixel_hash(pixel, frame.frame, frame.seed))
+            let h = pixel_hash(pixel, frame.frame, frame.seed);
+            let (word, demand) = word_and_demand(frame, pixel, word, masks, h);
+            plan_pixel(word, demand, frame.occluded_limit, h)
         };
         let [visible, kept, added] = [word >> 16, decided & 0xffff, decided >> 16];
         tiles[(pixel[1] / TILE * across + pixel[0] / TILE) as usize] += decided.count_ones();
@@ -45,9 +45,24 @@ pub fn analyze(frame: &Frame, masks: &[u32]) -> Analysis {
     Analysis { plan, tiles, counters }
 }
 
-/// Unoccluded samples in the 2 x 2 pixels centred on a pixel, and the window's area in quarter pixels, both clipped to
-/// the frame. Paper 1, Figure 4, left: the window spans 8 x 8 subpixels and starts two above and left of the pixel.
-pub fn window(pixel: [u32; 2], size: [u32; 2], masks: &[u32]) -> (u32, u32) {
+/// What a pixel goes on with, and how many samples it adds to that or evicts from it. The window decides (Equation 1),
+/// but from one sample a pixel on, beside samples that were found occluded, the pixel itself does, without tolerance, once its strata are balanced:
+/// `glsl/include/analysis.glsl` says why.
+fn word_and_demand(frame: &Frame, pixel: [u32; 2], word: u32, masks: &[u32], h: u32) -> (u32, i32) {
+    let visible = |word: u32| word >> 16;
+    let hidden = |word: u32| word & 0xffff & !visible(word);
+    if frame.d_target < 1.0 || window(pixel, frame.size, masks, hidden).0 == 0 {
+        let (count, quarters) = window(pixel, frame.size, masks, visible);
+        return (word, sample_demand(count, quarters, frame.d_target, frame.d_tolerance, pixel));
+    }
+    let word = balanced(word, hash_uint(!h));
+    (word, sample_demand(visible(word).count_ones(), 4, frame.d_target, 0.0, pixel))
+}
+
+/// Samples in the 2 x 2 pixels centred on a pixel, of those that `of` takes from a mask word, and the window's area in
+/// quarter pixels, both clipped to the frame. Paper 1, Figure 4, left: the window spans 8 x 8 subpixels and starts two
+/// above and left of the pixel.
+pub fn window(pixel: [u32; 2], size: [u32; 2], masks: &[u32], of: impl Fn(u32) -> u32) -> (u32, u32) {
     let mut count = 0;
     let mut subpixels = 0;
     let reach = |axis: usize| {
@@ -57,8 +72,7 @@ pub fn window(pixel: [u32; 2], size: [u32; 2], masks: &[u32]) -> (u32, u32) {
     for y in reach(1) {
         for x in reach(0) {
             let word = masks[camera::pixel_index([x / M, y / M], size)];
-            let bit = y % M * M + x % M;
-            count += word >> 16 >> bit & 1;
+            count += of(word) >> (y % M * M + x % M) & 1;
             subpixels += 1;
         }
     }
@@ -92,28 +106,54 @@ pub fn stratum_mask(s: u32) -> u32 {
     (0..M * M).filter(inside).map(|bit| 1 << bit).sum()
 }
 
+fn in_stratum(mask: u32, s: u32) -> u32 {
+    (mask & stratum_mask(s)).count_ones()
+}
+
+/// The strata in the order in which ties between them are decided.
+fn turned(h: u32) -> impl DoubleEndedIterator<Item = u32> {
+    (0..4).map(move |i| (i + h % 4) % 4)
+}
+
+fn fullest(mask: u32, h: u32) -> u32 {
+    // `max_by_key` takes the last of equals: reversed, the first.
+    turned(h).rev().max_by_key(|&s| in_stratum(mask, s)).unwrap_or(0)
+}
+
+fn emptiest(mask: u32, h: u32) -> u32 {
+    turned(h).min_by_key(|&s| in_stratum(mask, s)).unwrap_or(0)
+}
+
+/// The mask word without the visible samples by which a stratum has two or more than another.
+pub fn balanced(mut word: u32, mut h: u32) -> u32 {
+    loop {
+        let visible = word >> 16;
+        h = hash_uint(h);
+        let [most, least] = [fullest(visible, h), emptiest(visible, h)];
+        if in_stratum(visible, most) < in_stratum(visible, least) + 2 {
+            return word;
+        }
+        word &= !(choose_bit(visible & stratum_mask(most), h >> 2) * 0x1_0001);
+    }
+}
+
 /// What becomes of a pixel: kept subpixels in the low half, new ones in the high half. Evicts from the fullest stratum
 /// and adds to the emptiest; ties are broken by the hash.
 pub fn plan_pixel(word: u32, demand: i32, occluded_limit: u32, mut h: u32) -> u32 {
     let mut visible = word >> 16;
     let mut occluded = word & 0xffff & !visible;
     let mut added = 0;
-    let in_stratum = |mask: u32, s: u32| (mask & stratum_mask(s)).count_ones();
-    let turned = |h: u32| (0..4).map(move |i| (i + h % 4) % 4);
     for _ in demand..0 {
         if visible == 0 {
             break;
         }
         h = hash_uint(h);
-        // `max_by_key` takes the last of equals: reversed, the first.
-        let fullest = turned(h).rev().max_by_key(|&s| in_stratum(visible, s)).unwrap_or(0);
-        visible &= !choose_bit(visible & stratum_mask(fullest), h >> 2);
+        visible &= !choose_bit(visible & stratum_mask(fullest(visible, h)), h >> 2);
     }
     for _ in 0..demand {
         h = hash_uint(h);
         let taken = visible | added;
-        let emptiest = turned(h).min_by_key(|&s| in_stratum(taken, s)).unwrap_or(0);
-        let free = stratum_mask(emptiest) & !taken;
+        let free = stratum_mask(emptiest(taken, h)) & !taken;
         if free == 0 {
             break;
         }
