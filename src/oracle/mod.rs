@@ -1,5 +1,6 @@
 //! The same phases on the CPU, in f64 where it matters: the known answers.
 pub mod analyze;
+pub mod aov;
 pub mod bounded;
 pub mod camera;
 pub mod gather;
