@@ -216,8 +216,12 @@ impl Renderer {
         if let Some(dropped) = dropped.and_then(|i| barriers.get_mut(i)) {
             *dropped = None;
         }
-        self.recorder.record(commands, &plan.passes, &barriers, slot as u32);
-        self.recorder.barrier(commands, &plan.end);
+        // SAFETY: the caller vouches for the command buffer and has waited for the slot's last frame; the renderer, which
+        // holds what the plan uses, outlives the submission (see `record`).
+        unsafe {
+            self.recorder.record(commands, &plan.passes, &barriers, slot as u32);
+            self.recorder.barrier(commands, &plan.end);
+        }
         self.recorded += 1;
         Ok(FrameOutputs {
             color: self.frames.buffers.color.raw(),

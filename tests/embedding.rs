@@ -58,7 +58,8 @@ impl<'a> Engine<'a> {
         let commands = self.host.begin();
         // SAFETY: the command buffer is the host's and recording; callers wait for the frame before the last.
         let outputs = unsafe { renderer.record(commands, &inputs) }.unwrap();
-        renderer.color().record_copy(commands, target);
+        // SAFETY: the host's command buffer is recording; the target holds the image and is waited for.
+        unsafe { renderer.color().record_copy(commands, target) };
         let barrier = [vk::MemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::COPY)
             .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)

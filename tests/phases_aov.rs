@@ -88,7 +88,9 @@ fn on_device(context: &Context, kernel: &Kernel, inputs: &Inputs, stable: bool, 
     let read = |(image, (channels, _)): (&Image, &(usize, vk::Format))| -> Vec<f32> {
         let bytes = 4 * channels * pixels;
         let back = Buffer::new(context, "back", bytes as u64, Place::Readback).unwrap();
-        Submitter::new(context).unwrap().run("copy", |commands| image.record_copy(commands, &back)).unwrap();
+        // SAFETY: `run` hands over a command buffer that is recording and waits for it.
+        let copy = |commands| unsafe { image.record_copy(commands, &back) };
+        Submitter::new(context).unwrap().run("copy", copy).unwrap();
         bytemuck::pod_collect_to_vec(&back.bytes()[..bytes])
     };
     let read: Vec<Vec<f32>> = images.iter().zip(&IMAGES).map(read).collect();

@@ -230,7 +230,9 @@ fn resolved(context: &Context, kernel: &Kernel, film: &[[f32; 4]], size: [u32; 2
     kernel.run(&mut [data(&[frame]), data(film), Bound::Image(&image)], &[], [size[0], size[1], 1]);
     let texel = if format == vk::Format::R32G32B32A32_SFLOAT { 16 } else { 8 };
     let back = Buffer::new(context, "back", u64::from(size[0] * size[1] * texel), Place::Readback).unwrap();
-    Submitter::new(context).unwrap().run("copy", |commands| image.record_copy(commands, &back)).unwrap();
+    // SAFETY: `run` hands over a command buffer that is recording and waits for it.
+    let copy = |commands| unsafe { image.record_copy(commands, &back) };
+    Submitter::new(context).unwrap().run("copy", copy).unwrap();
     back.bytes()[..(size[0] * size[1] * texel) as usize].to_vec()
 }
 

@@ -116,7 +116,10 @@ impl Image {
     }
 
     /// Copies an image in layout GENERAL to a buffer that is large enough, and leaves it in GENERAL.
-    pub fn record_copy(&self, commands: vk::CommandBuffer, target: &Buffer) {
+    ///
+    /// # Safety
+    /// `commands` must be recording outside a render pass; `target` must hold the image and outlive the submission.
+    pub unsafe fn record_copy(&self, commands: vk::CommandBuffer, target: &Buffer) {
         let device = &self.context.device;
         let (general, source) = (vk::ImageLayout::GENERAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
         self.transition(device, commands, general, source);

@@ -54,7 +54,10 @@ pub fn run(
     let binder = Binder::new(context, 1, shader.bindings.len().max(1) as u32)?;
     let pass = [binder.dispatch(shader.name, &pipeline, &resources, push, Threads::Exactly(threads))?];
     let recorder = Recorder::new(context, 1, 1)?;
-    Submitter::new(context)?.run(shader.name, |commands| recorder.record(commands, &pass, &barriers(&pass), 0))?;
+    Submitter::new(context)?.run(shader.name, |commands| {
+        // SAFETY: `run` hands over a command buffer that is recording and waits for it; all that the pass uses lives here.
+        unsafe { recorder.record(commands, &pass, &barriers(&pass), 0) };
+    })?;
     for ((argument, buffer), binding) in arguments.iter_mut().zip(&buffers).zip(shader.bindings) {
         if let (Argument::Buffer(data), Some(buffer)) = (argument, buffer)
             && binding.access != Access::Read

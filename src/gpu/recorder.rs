@@ -32,7 +32,11 @@ impl Recorder {
     }
 
     /// Records a plan with its barriers, and a timestamp before and after every pass.
-    pub fn record(&self, commands: vk::CommandBuffer, passes: &[Pass], barriers: &[Option<Barrier>], slot: u32) {
+    ///
+    /// # Safety
+    /// `commands` must be recording outside a render pass, for the context's queue family. What the passes use must
+    /// outlive the submission, and the slot's last recording must have been waited for.
+    pub unsafe fn record(&self, commands: vk::CommandBuffer, passes: &[Pass], barriers: &[Option<Barrier>], slot: u32) {
         let device = &self.context.inner.device;
         let first = 2 * self.most_passes * (slot % self.slots);
         if let Some(pool) = self.timestamps {
@@ -41,7 +45,8 @@ impl Recorder {
         }
         for (i, (pass, barrier)) in passes.iter().zip(barriers).enumerate() {
             if let Some(barrier) = barrier {
-                self.barrier(commands, barrier);
+                // SAFETY: the caller says that the command buffer is recording.
+                unsafe { self.barrier(commands, barrier) };
             }
             self.label(commands, Some(pass.label));
             self.timestamp(commands, first + 2 * i as u32);
@@ -109,7 +114,10 @@ impl Recorder {
     }
 
     /// Records one global memory barrier.
-    pub fn barrier(&self, commands: vk::CommandBuffer, barrier: &Barrier) {
+    ///
+    /// # Safety
+    /// `commands` must be recording outside a render pass.
+    pub unsafe fn barrier(&self, commands: vk::CommandBuffer, barrier: &Barrier) {
         let memory = [vk::MemoryBarrier2::default()
             .src_stage_mask(barrier.src_stage)
             .src_access_mask(barrier.src_access)

@@ -67,7 +67,8 @@ impl Kernel {
         let binder = Binder::new(context, 1, bound.len() as u32).unwrap();
         let pass = [binder.dispatch(label, &self.pipeline, &resources, push, Threads::Exactly(threads)).unwrap()];
         let recorder = Recorder::new(context, 1, 1).unwrap();
-        let record = |commands| recorder.record(commands, &pass, &barriers(&pass), 0);
+        // SAFETY: the submitter hands over a command buffer that is recording and waits for it.
+        let record = |commands| unsafe { recorder.record(commands, &pass, &barriers(&pass), 0) };
         Submitter::new(context).unwrap().run(label, record).unwrap();
         for (i, (b, buffer)) in bound.iter_mut().zip(&buffers).enumerate() {
             let (Bound::Data(bytes), Some(buffer)) = (b, buffer) else { continue };
