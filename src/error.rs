@@ -84,6 +84,22 @@ pub enum Error {
         /// What is allowed.
         expected: String,
     },
+    /// No setting has this name.
+    #[error("no setting is called '{name}'; did you mean '{nearest}'?")]
+    UnknownKnob {
+        /// The name given.
+        name: String,
+        /// The name that is most like it.
+        nearest: &'static str,
+    },
+    /// A settings file says something that makes no sense.
+    #[error("{}: {message}", .path.display())]
+    SettingsFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what is allowed.
+        message: String,
+    },
     /// A file could not be read or written.
     #[error("{}: {cause}", .path.display())]
     Io {

@@ -1,6 +1,6 @@
 //! What is known of a frame after it has run.
 
-use crate::settings::{Method, Settings};
+use crate::settings::Settings;
 use crate::shaders::Counters;
 
 /// Counts of one frame.
@@ -42,7 +42,7 @@ pub struct PhaseTime {
 impl FrameStats {
     /// From the counters that the device kept.
     pub(crate) fn new(c: &Counters, settings: &Settings) -> Self {
-        let stable = settings.method == Method::Stable;
+        let stable = settings.method.keeps_samples();
         let added = if stable { c.added } else { c.samples };
         // No pixel of a method without a cache has a reprojected sample.
         let mut histogram = [0; 17];

@@ -33,8 +33,15 @@ fn check_refusal(output: &Output, code: i32, word: &str) -> Result<(), String> {
 
 #[test]
 fn help_and_version_are_no_errors() {
-    for arguments in [&["--help"][..], &["-h"], &["help"], &["render", "--help"], &["bench", "-h"], &["info", "--help"]]
-    {
+    for arguments in [
+        &["--help"][..],
+        &["-h"],
+        &["help"],
+        &["render", "--help"],
+        &["bench", "-h"],
+        &["info", "--help"],
+        &["settings", "-h"],
+    ] {
         let output = stillray(arguments);
         assert!(output.status.success() && output.stderr.is_empty(), "{arguments:?}");
         assert!(text(&output.stdout).contains("Usage: stillray"), "{arguments:?}");
@@ -47,7 +54,7 @@ fn help_and_version_are_no_errors() {
 fn every_option_of_render_is_in_its_help() {
     let help = text(&stillray(&["render", "--help"]).stdout);
     let options = "method density tolerance spp jitter passes size frames fps motion camera out format aov float exposure \
-                   seed device json quiet preview";
+                   seed device json quiet preview settings set";
     for option in options.split_whitespace() {
         assert!(help.contains(&format!("--{option}")), "--{option}");
     }
@@ -96,6 +103,15 @@ fn wrong_words_are_usage_errors_that_name_the_option() {
         (&["bench", "--methods", "magic:1"], "--methods"),
         (&["bench", "--methods", "stable:1,stable:1"], "--methods"),
         (&["bench", "--frames", "0"], "--frames"),
+        (&["render", "--set", "densty=2"], "'density'"),
+        (&["render", "--set", "density=17"], "from 0.0625 to 16"),
+        (&["render", "--set", "density"], "NAME=VALUE"),
+        (&["render", "--set", "spp=2"], "--set spp"),
+        (&["render", "--set", "method=supersample", "--density", "2"], "--density"),
+        (&["bench", "--methods", "stable:1", "--set", "spp=2"], "--set spp"),
+        (&["bench", "--methods", "stable:1", "--set", "tolerance=-1"], "from 0.0625 to 16"),
+        (&["bench", "--methods", "absent.toml"], "absent.toml"),
+        (&["settings", "--set", "spp=two"], "a whole number"),
         (&["info", "--size", "x"], "--size"),
         (&["info", "builtin:teapot"], "teapot"),
     ];
@@ -106,6 +122,26 @@ fn wrong_words_are_usage_errors_that_name_the_option() {
         })
         .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_settings_file_is_printed_read_and_refused_with_its_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| fs::write(dir.path().join(name), text).unwrap();
+    let printed = stillray(&["settings", "--set", "density=2.5"]);
+    assert!(printed.status.success() && text(&printed.stdout).contains("density = 2.5\n"));
+    file("a.toml", &text(&printed.stdout));
+    let again = stillray_in(dir.path(), &["settings", "--settings", "a.toml"]);
+    assert_eq!(text(&again.stdout), text(&printed.stdout));
+    let written = stillray_in(dir.path(), &["settings", "--settings", "a.toml", "--out", "b.toml"]);
+    assert!(written.status.success());
+    assert_eq!(fs::read_to_string(dir.path().join("b.toml")).unwrap(), text(&printed.stdout));
+
+    file("c.toml", "density = 1\ntolerence = 2\n");
+    for word in ["c.toml", "'tolerance'"] {
+        check_refusal(&stillray_in(dir.path(), &["render", "--settings", "c.toml"]), 2, word).unwrap();
+    }
+    check_refusal(&stillray_in(dir.path(), &["render", "--settings", "d.toml"]), 1, "d.toml").unwrap();
 }
 
 #[test]

@@ -99,6 +99,30 @@ fn two_runs_give_the_same_files_and_another_seed_does_not() {
 }
 
 #[test]
+fn settings_from_a_file_an_option_and_an_assignment_are_the_same_settings() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("s.toml"), "density = 3\ntolerance = 0.5\n").unwrap();
+    let rendered = |options: &str| {
+        run(
+            dir.path(),
+            &format!(
+                "render builtin:cornell --size 32x32 --frames 2 --motion pan --quiet --out o {options} --json r.json"
+            ),
+        );
+        let report = json(&dir.path().join("r.json"));
+        (fs::read(dir.path().join("o/frame_0001.png")).unwrap(), report["settings"].clone())
+    };
+    let by_file = rendered("--settings s.toml");
+    assert_eq!((by_file.1["density"].as_f64(), by_file.1["tolerance"].as_f64()), (Some(3.0), Some(0.5)));
+    assert!(by_file == rendered("--density 3 --tolerance 0.5"));
+    assert!(by_file == rendered("--set density=3 --set tolerance=0.5"));
+    assert!(by_file == rendered("--settings s.toml --density 2 --set density=3"), "what is said last counts");
+    // Negative control.
+    assert!(by_file.0 != rendered("--density 3 --tolerance 2").0);
+    assert_eq!(rendered("--set method=reference --set spp=2 --passes 2").1["spp"], 2);
+}
+
+#[test]
 fn every_method_renders_the_same_light() {
     let dir = tempfile::tempdir().unwrap();
     let mean = |options: &str| {

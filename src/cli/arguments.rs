@@ -1,14 +1,18 @@
 //! Options that subcommands share, and the values that they take.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use stillray::renderer::{Aov, Method};
+use stillray::renderer::{Aov, Method, Settings};
 use stillray::report::bench::Build;
 use stillray::scene::motion::Motion;
+use stillray::settings::file as settings_file;
+use stillray::settings::knob::Knob;
+
+use super::{Failure, Outcome};
 
 /// What is rendered, how it is looked at, and on what.
 #[derive(Debug, Args)]
@@ -65,7 +69,15 @@ pub fn size(text: &str) -> Result<[u32; 2], String> {
 
 /// The name of a method.
 pub fn method() -> impl TypedValueParser<Value = Method> {
-    named([("stable", Method::Stable), ("supersample", Method::Supersample), ("reference", Method::Reference)])
+    PossibleValuesParser::new(Method::ALL.iter().map(|m| m.name())).try_map(|name| method_named(&name))
+}
+
+fn method_named(name: &str) -> Result<Method, String> {
+    let known = Method::ALL.iter().find(|m| m.name() == name);
+    known.copied().ok_or_else(|| {
+        let names: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
+        format!("'{name}' is no method: expected one of {}", names.join(", "))
+    })
 }
 
 /// The name of an AOV.
@@ -87,35 +99,73 @@ pub fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     })
 }
 
-/// A method with its number of samples, as `bench` takes it: `stable:0.5`, `supersample:2`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Contender {
-    /// Samples a pixel to aim at.
-    Stable(f32),
-    /// Samples a pixel.
-    Supersample(u32),
+/// Knobs from a file, and by their names.
+#[derive(Debug, Args)]
+pub struct Tuning {
+    /// Settings to begin with: a TOML file as `stillray settings` prints it
+    #[arg(long, value_name = "FILE")]
+    pub settings: Option<PathBuf>,
+    /// Set a knob, as in density=2, however often; `stillray settings` lists all knobs
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    pub assignments: Vec<String>,
 }
 
-impl Contender {
-    /// The name that it is told by.
-    pub fn name(self) -> String {
-        match self {
-            Self::Stable(density) => format!("stable:{density}"),
-            Self::Supersample(spp) => format!("supersample:{spp}"),
+impl Tuning {
+    /// The defaults, or what the file makes of them.
+    pub fn base(&self) -> stillray::Result<Settings> {
+        let mut settings = Settings::default();
+        if let Some(path) = &self.settings {
+            settings_file::read(path, &mut settings)?;
         }
+        Ok(settings)
     }
+
+    /// What is set by name. A knob that the method has no use for is a mistake, unlike in a file, which has them all.
+    pub fn assign(&self, settings: &mut Settings) -> Outcome {
+        for knob in settings_file::assign_all(&self.assignments, settings)? {
+            refuse_idle(knob, settings.method, &format!("--set {}", knob.name))?;
+        }
+        Ok(())
+    }
+}
+
+/// A knob that means nothing to a method is not turned by mistake.
+pub fn refuse_idle(knob: &Knob, method: Method, option: &str) -> Outcome {
+    if (knob.applies)(method) {
+        return Ok(());
+    }
+    let methods: Vec<&str> = Method::ALL.iter().filter(|m| (knob.applies)(**m)).map(|m| m.name()).collect();
+    let needs = methods.join(", ");
+    Err(Failure::Usage(format!("{option} has a meaning for --method {needs} only, not for {}", method.name())))
+}
+
+/// Settings to be compared with others, as `bench` takes them: `stable:0.5`, `supersample:2`, `fast.toml`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contender {
+    /// The name that it is told by.
+    pub name: String,
+    /// Its settings.
+    pub settings: Settings,
 }
 
 impl FromStr for Contender {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (kind, number) = text.split_once(':').unwrap_or((text, "1"));
-        match kind {
-            "stable" => ranged(0.0625, 16.0)(number).map(|d| Self::Stable(d as f32)),
-            "supersample" => counted(1, 16)(number).map(Self::Supersample),
-            _ => Err("expected stable:DENSITY or supersample:SAMPLES, such as stable:1".to_owned()),
+        let mut settings = Settings::default();
+        if text.ends_with(".toml") {
+            settings_file::read(Path::new(text), &mut settings).map_err(|e| e.to_string())?;
+            return Ok(Self { name: text.to_owned(), settings });
         }
+        let (kind, number) = text.split_once(':').unwrap_or((text, "1"));
+        let method = method_named(kind).map_err(|e| format!("{e}; as in stable:0.5, supersample:2, fast.toml"))?;
+        settings.switch(method);
+        if settings.method.keeps_samples() {
+            settings.density = ranged(0.0625, 16.0)(number)? as f32;
+            return Ok(Self { name: format!("{kind}:{}", settings.density), settings });
+        }
+        settings.spp = counted(1, 16)(number)?;
+        Ok(Self { name: format!("{kind}:{}", settings.spp), settings })
     }
 }
 
@@ -155,13 +205,30 @@ mod tests {
 
     #[test]
     fn contenders() {
-        assert_eq!("stable:0.5".parse(), Ok(Contender::Stable(0.5)));
-        assert_eq!("supersample:2".parse(), Ok(Contender::Supersample(2)));
-        assert_eq!("stable".parse(), Ok(Contender::Stable(1.0)));
-        for wrong in ["stable:0", "supersample:0.5", "reference:1", "stable:", ":1", ""] {
-            assert!(wrong.parse::<Contender>().is_err(), "{wrong}");
+        let read = |text: &str| text.parse::<Contender>();
+        let stable = read("stable:0.5").unwrap();
+        assert_eq!((stable.name.as_str(), stable.settings.density), ("stable:0.5", 0.5));
+        let supersample = read("supersample:2").unwrap();
+        assert_eq!((supersample.name.as_str(), supersample.settings.spp), ("supersample:2", 2));
+        assert_eq!(read("stable"), read("stable:1.0"));
+        for wrong in ["stable:0", "supersample:0.5", "nothing:1", "stable:", ":1", "", "absent.toml"] {
+            assert!(read(wrong).is_err(), "{wrong}");
         }
-        assert_eq!(Contender::Stable(0.5).name(), "stable:0.5");
-        assert_eq!(Contender::Supersample(2).name(), "supersample:2");
+    }
+
+    #[test]
+    fn knobs_are_set_in_order_and_only_where_they_mean_something() {
+        let tuned = |words: &[&str]| {
+            let tuning = Tuning { settings: None, assignments: words.iter().map(|w| (*w).to_owned()).collect() };
+            let mut settings = tuning.base().unwrap();
+            tuning.assign(&mut settings).map(|()| settings)
+        };
+        let settings = tuned(&["density=2", "density=3"]).unwrap();
+        assert_eq!(settings.density, 3.0);
+        // The method may come after what it needs.
+        assert_eq!(tuned(&["spp=3", "method=supersample"]).unwrap().spp, 3);
+        for wrong in [&["spp=3"] as &[_], &["method=supersample", "density=2"], &["density=99"], &["densty=1"]] {
+            assert!(matches!(tuned(wrong), Err(Failure::Usage(_))), "{wrong:?}");
+        }
     }
 }

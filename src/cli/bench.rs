@@ -4,12 +4,13 @@ use std::time::Instant;
 
 use clap::{ArgAction, Args};
 use stillray::headless::{Device, LoadedScene, Session};
-use stillray::renderer::{FrameInputs, Method, Settings};
+use stillray::renderer::{FrameInputs, Settings};
 use stillray::report::bench::{self as report, Collector, MethodResult, ratios};
 use stillray::report::{file, json};
 use stillray::scene::motion::Motion;
+use stillray::settings::file as settings_file;
 
-use super::arguments::{self, Contender, Source, counted, motion, ranged};
+use super::arguments::{self, Contender, Source, counted, motion};
 use super::scenes::Stage;
 use super::{Failure, Outcome, console, interrupt, progress};
 
@@ -18,7 +19,7 @@ use super::{Failure, Outcome, console, interrupt, progress};
 pub struct Bench {
     #[command(flatten)]
     source: Source,
-    /// Methods to compare: stable:DENSITY and supersample:SAMPLES
+    /// What to compare: a method with its samples a pixel, such as stable:0.5, or a settings file, such as fast.toml
     #[arg(
         long,
         value_name = "METHODS",
@@ -27,9 +28,9 @@ pub struct Bench {
         action = ArgAction::Set
     )]
     methods: Vec<Contender>,
-    /// stable: deviation from the density that is tolerated, from 0.0625 to 16
-    #[arg(long, value_name = "T", default_value = "1", value_parser = ranged(0.0625, 16.0), allow_negative_numbers = true)]
-    tolerance: f64,
+    /// Set a knob of all methods that have it, as in tolerance=0.5, however often; `stillray settings` lists them
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    assignments: Vec<String>,
     /// Frames to measure, from 1 to 100000
     #[arg(long, value_name = "N", default_value = "16", value_parser = counted(1, 100_000), allow_negative_numbers = true)]
     frames: u32,
@@ -55,6 +56,7 @@ impl Bench {
     /// Measures and prints.
     pub fn run(self) -> Outcome {
         self.refuse_duplicates()?;
+        let contenders = self.contenders()?;
         interrupt::listen();
         let stage = Stage::load(&self.source, self.motion)?;
         if let Some(path) = &self.source.json {
@@ -63,8 +65,8 @@ impl Bench {
         let device = Device::open(self.source.device.as_deref())?;
         let listener = progress::for_user(self.source.quiet);
         let scene = LoadedScene::new(&device, &stage.scene, &*listener)?;
-        let start = |&contender: &Contender| self.start(contender, &device, &scene);
-        let mut runners = self.methods.iter().map(start).collect::<Outcome<Vec<_>>>()?;
+        let start = |contender: &Contender| self.start(contender, &device, &scene);
+        let mut runners = contenders.iter().map(start).collect::<Outcome<Vec<_>>>()?;
         let frames = 1 + self.warmup + self.frames;
         listener.begin("measuring", u64::from(frames));
         for index in 0..frames {
@@ -85,19 +87,38 @@ impl Bench {
     fn refuse_duplicates(&self) -> Outcome {
         for (i, contender) in self.methods.iter().enumerate() {
             if self.methods[..i].contains(contender) {
-                return Err(Failure::Usage(format!("--methods has {} twice", contender.name())));
+                return Err(Failure::Usage(format!("--methods has {} twice", contender.name)));
             }
         }
         Ok(())
     }
 
-    fn start(&self, contender: Contender, device: &Device, scene: &LoadedScene) -> Outcome<Runner> {
-        let settings = Settings { size: self.source.size, seed: self.source.seed, ..contender.settings() };
-        let settings = Settings { tolerance: self.tolerance as f32, ..settings };
+    /// The methods with the knobs that are set for all of them. One that none of them has is a mistake.
+    fn contenders(&self) -> Outcome<Vec<Contender>> {
+        let mut contenders = self.methods.clone();
+        for words in &self.assignments {
+            let knob = settings_file::assign(words, &mut Settings::default())?;
+            let users: Vec<_> = contenders.iter_mut().filter(|c| (knob.applies)(c.settings.method)).collect();
+            if users.is_empty() {
+                return Err(Failure::Usage(format!("--set {} has no meaning for any of the methods", knob.name)));
+            }
+            users.into_iter().try_for_each(|c| settings_file::assign(words, &mut c.settings).map(|_| ()))?;
+        }
+        Ok(contenders)
+    }
+
+    fn start(&self, contender: &Contender, device: &Device, scene: &LoadedScene) -> Outcome<Runner> {
+        let settings = Settings { size: self.source.size, seed: self.source.seed, ..contender.settings.clone() };
         let before = allocated(device);
         let session = Session::new(device, scene, &settings)?;
         let memory = allocated(device).saturating_sub(before);
-        Ok(Runner { contender, session, memory, first_frame_ms: 0.0, collector: Collector::default() })
+        Ok(Runner {
+            contender: contender.clone(),
+            session,
+            memory,
+            first_frame_ms: 0.0,
+            collector: Collector::default(),
+        })
     }
 
     /// Renders a frame with each method in turn, so that whatever disturbs the machine disturbs all of them.
@@ -130,7 +151,6 @@ impl Bench {
                 warmup: self.warmup,
                 fps: self.source.fps,
                 seed: self.source.seed,
-                tolerance: self.tolerance as f32,
             },
             size: self.source.size,
             ratios: ratios(&methods),
@@ -146,16 +166,7 @@ fn allocated(device: &Device) -> u64 {
 
 impl Runner {
     fn finish(self, size: [u32; 2]) -> MethodResult {
-        let kind = self.contender.settings().method;
-        self.collector.finish(self.contender.name(), kind, size, self.first_frame_ms, self.memory)
-    }
-}
-
-impl Contender {
-    fn settings(self) -> Settings {
-        match self {
-            Self::Stable(density) => Settings { method: Method::Stable, density, ..Settings::default() },
-            Self::Supersample(spp) => Settings { method: Method::Supersample, spp, ..Settings::default() },
-        }
+        let Contender { name, settings } = &self.contender;
+        self.collector.finish(name.clone(), settings, size, self.first_frame_ms, self.memory)
     }
 }

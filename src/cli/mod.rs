@@ -8,6 +8,7 @@ mod interrupt;
 mod progress;
 mod render;
 mod scenes;
+mod settings;
 
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
@@ -28,6 +29,7 @@ enum Command {
     Render(render::Render),
     Bench(bench::Bench),
     Info(info::Info),
+    Settings(settings::Settings),
 }
 
 /// Why the program ends without having done what was asked.
@@ -43,8 +45,9 @@ enum Failure {
 
 impl From<stillray::Error> for Failure {
     fn from(error: stillray::Error) -> Self {
+        use stillray::Error::{Setting, SettingsFile, UnknownKnob};
         match error {
-            stillray::Error::Setting { .. } => Self::Usage(error.to_string()),
+            Setting { .. } | UnknownKnob { .. } | SettingsFile { .. } => Self::Usage(error.to_string()),
             other => Self::Failed(other.to_string()),
         }
     }
@@ -72,6 +75,7 @@ fn dispatch(command: Option<Command>) -> Outcome {
         Some(Command::Render(render)) => render.run(),
         Some(Command::Bench(bench)) => bench.run(),
         Some(Command::Info(info)) => info.run(),
+        Some(Command::Settings(settings)) => settings.run(),
         None => Ok(()),
     }
 }
@@ -85,7 +89,7 @@ fn parse(arguments: impl Iterator<Item = OsString>) -> Outcome<Option<Command>> 
             Ok(None)
         }
         Err(e) if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            Err(Failure::Usage("no command given: render, bench or info (see --help)".to_owned()))
+            Err(Failure::Usage("no command given: render, bench, info or settings (see --help)".to_owned()))
         }
         Err(e) => Err(Failure::Usage(first_paragraph(&e.to_string()))),
     }

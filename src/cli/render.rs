@@ -1,5 +1,6 @@
 //! `stillray render`: frames into files.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -17,8 +18,9 @@ use stillray::report::statistics::{Summary, mean};
 use stillray::report::table::grouped;
 use stillray::report::{file, json};
 use stillray::scene::motion::Motion;
+use stillray::settings::knob::{KNOBS, Knob, Value};
 
-use super::arguments::{self, Source, aov, counted, method, motion, named, ranged};
+use super::arguments::{self, Source, Tuning, aov, counted, method, motion, named, ranged};
 use super::scenes::Stage;
 use super::{Failure, Outcome, console, interrupt, progress};
 
@@ -27,9 +29,11 @@ use super::{Failure, Outcome, console, interrupt, progress};
 pub struct Render {
     #[command(flatten)]
     source: Source,
-    /// How samples are chosen
-    #[arg(long, value_name = "METHOD", default_value = "stable", value_parser = method())]
-    method: Method,
+    #[command(flatten)]
+    tuning: Tuning,
+    /// What is rendered with [default: stable]
+    #[arg(long, value_name = "METHOD", value_parser = method())]
+    method: Option<Method>,
     /// stable: samples a pixel to aim at, from 0.0625 to 16 [default: 1]
     #[arg(long, value_name = "D", value_parser = ranged(0.0625, 16.0), allow_negative_numbers = true)]
     density: Option<f64>,
@@ -101,12 +105,9 @@ struct Report<'a> {
 
 #[derive(Debug, Serialize)]
 struct SettingsReport<'a> {
-    method: Method,
+    #[serde(flatten)]
+    knobs: BTreeMap<&'static str, Value>,
     size: [u32; 2],
-    density: f32,
-    tolerance: f32,
-    spp: u32,
-    jitter: bool,
     passes: u32,
     seed: u32,
     motion: &'a str,
@@ -166,38 +167,40 @@ impl Render {
 
     /// The renderer's settings, if the options fit together.
     fn settings(&self) -> Outcome<Settings> {
-        let foreign = |given: bool, option: &str, method: &str| {
-            if given {
-                Err(Failure::Usage(format!("{option} has a meaning for --method {method} only")))
-            } else {
-                Ok(())
-            }
-        };
-        let stable = self.method == Method::Stable;
-        foreign(self.density.is_some() && !stable, "--density", "stable")?;
-        foreign(self.tolerance.is_some() && !stable, "--tolerance", "stable")?;
-        foreign(self.spp.is_some() && stable, "--spp", "supersample and reference")?;
-        foreign(self.jitter && self.method != Method::Supersample, "--jitter", "supersample")?;
-        foreign(self.passes.is_some() && self.method != Method::Reference, "--passes", "reference")?;
+        let mut settings = self.tuning.base()?;
+        settings.switch(self.method.unwrap_or(settings.method));
+        settings.density = self.density.map_or(settings.density, |d| d as f32);
+        settings.tolerance = self.tolerance.map_or(settings.tolerance, |t| t as f32);
+        settings.jitter |= self.jitter;
+        settings.float_output |= self.float;
+        settings.spp = self.spp.unwrap_or(settings.spp);
+        self.tuning.assign(&mut settings)?;
+        self.refuse_idle(settings.method)?;
         if !self.format.contains(&Format::Exr) && (self.float || !self.aov.is_empty()) {
             let option = if self.float { "--float" } else { "--aov" };
             return Err(Failure::Usage(format!("{option} needs EXR files: add --format exr or --format exr,png")));
         }
-        let defaults = Settings::default();
-        let mut aovs = self.aov.clone();
-        aovs.sort_by_key(|&a| a as u32);
-        aovs.dedup();
-        Ok(Settings {
-            method: self.method,
-            size: self.source.size,
-            density: self.density.map_or(defaults.density, |d| d as f32),
-            tolerance: self.tolerance.map_or(defaults.tolerance, |t| t as f32),
-            spp: self.spp.unwrap_or(if self.method == Method::Reference { 16 } else { 1 }),
-            jitter: self.jitter,
-            seed: self.source.seed,
-            float_output: self.float,
-            aovs,
-        })
+        settings.aovs = self.aov.clone();
+        settings.aovs.sort_by_key(|&a| a as u32);
+        settings.aovs.dedup();
+        Ok(Settings { size: self.source.size, seed: self.source.seed, ..settings })
+    }
+
+    /// An option that means nothing to the method is a mistake.
+    fn refuse_idle(&self, method: Method) -> Outcome {
+        let given = [
+            (self.density.is_some(), "density"),
+            (self.tolerance.is_some(), "tolerance"),
+            (self.spp.is_some(), "spp"),
+            (self.jitter, "jitter"),
+        ];
+        for (_, name) in given.into_iter().filter(|(given, _)| *given) {
+            arguments::refuse_idle(Knob::find(name)?, method, &format!("--{name}"))?;
+        }
+        if self.passes.is_some() && !method.accumulates() {
+            return Err(Failure::Usage("--passes has a meaning for --method reference only".to_owned()));
+        }
+        Ok(())
     }
 
     /// Makes the folder, and tries every place to be written to before any time is spent on rendering.
@@ -211,8 +214,8 @@ impl Render {
         Ok(self.preview.as_ref().map(start).transpose()?)
     }
 
-    fn passes(&self) -> u32 {
-        if self.method == Method::Reference { self.passes.unwrap_or(64) } else { 1 }
+    fn passes(&self, settings: &Settings) -> u32 {
+        if settings.method.accumulates() { self.passes.unwrap_or(64) } else { 1 }
     }
 }
 
@@ -230,9 +233,9 @@ impl Job<'_> {
     fn frame(&mut self, index: u32) -> Outcome {
         let seconds = f64::from(index) / self.render.source.fps;
         let (pose, view) = self.stage.at(seconds);
-        let accumulates = self.settings.method == Method::Reference;
+        let accumulates = self.settings.method.accumulates();
         let mut measured = Measured::default();
-        for pass in 0..self.render.passes() {
+        for pass in 0..self.render.passes(&self.settings) {
             // An accumulating method starts afresh with each frame, the others with the first one.
             let reset = pass == 0 && (index == 0 || accumulates);
             let stats = self.session.frame(&FrameInputs { view, pose: &pose, reset })?;
@@ -293,13 +296,9 @@ impl Job<'_> {
             build: arguments::build(),
             scene: &self.stage.name,
             settings: SettingsReport {
-                method: settings.method,
+                knobs: KNOBS.iter().map(|knob| (knob.name, knob.get(settings))).collect(),
                 size: settings.size,
-                density: settings.density,
-                tolerance: settings.tolerance,
-                spp: settings.spp,
-                jitter: settings.jitter,
-                passes: self.render.passes(),
+                passes: self.render.passes(settings),
                 seed: settings.seed,
                 motion: self.stage.motion(),
                 camera: self.stage.camera(),
@@ -327,7 +326,7 @@ impl Job<'_> {
         let per_frame = grouped(totals.rays / totals.frames.max(1) as u64);
         text +=
             &format!("median {:.1} ms a frame on {}, {per_frame} camera rays", totals.ms.median, device.report().name);
-        if self.settings.method == Method::Stable && totals.frames > 1 {
+        if self.settings.method.keeps_samples() && totals.frames > 1 {
             text += &format!(", {} of them reused", percent(totals.reused_fraction));
         }
         text + "\n"

@@ -5,7 +5,7 @@ use super::storage::Storage;
 use crate::gpu::buffer::check_range;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Place, Range, Resource};
 use crate::phase::{AovResources, FrameResources};
-use crate::settings::{Aov, Method, Settings};
+use crate::settings::{Aov, Settings};
 use crate::shaders::{Counters, Frame, Instance, Light};
 use crate::{Error, Result};
 use ash::vk;
@@ -61,7 +61,7 @@ impl FrameBuffers {
         let buffers = Self {
             storage: *storage,
             size: settings.size,
-            stable: settings.method == Method::Stable,
+            stable: settings.method.keeps_samples(),
             shared: Buffer::new(context, "claims; then rays, shading, film", storage.shared, Place::Device)?,
             film: if storage.own_film { Some(make("film", storage.film)?) } else { None },
             caches: many("sample caches", storage.samples, storage.caches)?,

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::gpu::pass::{self, Barrier, Pass, Work};
 use crate::gpu::{Range, Resource};
 use crate::phase::{self, FrameResources, Kit, SceneResources};
-use crate::settings::{Method, Settings};
+use crate::settings::Settings;
 use crate::shaders::Access;
 
 /// A frame: passes in order, and the barrier before each.
@@ -44,7 +44,7 @@ pub fn plan(
     s: &SceneResources,
     transfers: &Transfers,
 ) -> Result<Plan> {
-    let stable = settings.method == Method::Stable;
+    let stable = settings.method.keeps_samples();
     let uploads = transfers.uploads.iter();
     let mut passes: Vec<Pass> = uploads.map(|(from, to)| Pass::copy("upload", *from, *to)).collect();
     passes.push(Pass::fill("upload", tallies(f.counters), 0));
@@ -61,7 +61,7 @@ pub fn plan(
     }
     passes.push(phase::shadow::pass(kit, f, s)?);
     passes.push(phase::shade::pass(kit, f, s)?);
-    passes.push(phase::reconstruct::pass(kit, f, settings.method == Method::Reference)?);
+    passes.push(phase::reconstruct::pass(kit, f, settings.method.accumulates())?);
     passes.push(phase::resolve::pass(kit, f, settings.float_output)?);
     if let Some(images) = &f.aovs {
         passes.push(phase::aov::pass(kit, f, images, stable)?);

@@ -18,7 +18,7 @@
 
 use crate::Result;
 use crate::gpu::buffer::within;
-use crate::settings::{Aov, Method, Settings};
+use crate::settings::{Aov, Settings};
 use crate::shaders::{Found, Sample, Shaded};
 
 /// Sizes in bytes of everything that belongs to a renderer.
@@ -70,9 +70,9 @@ impl Storage {
     pub fn new(settings: &Settings) -> Self {
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
         let tiles = u64::from(settings.size[0].div_ceil(8)) * u64::from(settings.size[1].div_ceil(8));
-        let stable = settings.method == Method::Stable;
+        let stable = settings.method.keeps_samples();
         let capacity = if stable { stable_capacity(settings, pixels) } else { pixels * u64::from(settings.spp) };
-        let own_film = settings.method == Method::Reference;
+        let own_film = settings.method.accumulates();
         let found = (capacity * size_of::<Found>() as u64).next_multiple_of(ALIGNMENT);
         let lit = (capacity * 4).next_multiple_of(ALIGNMENT);
         let shaded = (capacity * size_of::<Shaded>() as u64).next_multiple_of(ALIGNMENT);
@@ -141,6 +141,7 @@ fn occluded_limit(density: f32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Method;
 
     fn too_large(settings: &Settings, limit: u64) -> Option<String> {
         Storage::new(settings).check(limit).err().map(|e| e.to_string())

@@ -1,11 +1,13 @@
 //! What `bench` found out, as data, as a table like paper 1's Table 1, and against paper 3's Table 1.
 
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 use super::statistics::{Summary, mean, ratio};
 use super::table::{Table, bytes, grouped};
 use crate::headless::DeviceReport;
 use crate::renderer::{FrameStats, Method, PhaseTime};
+use crate::settings::knob::{self, Value};
 
 /// A whole benchmark, in the form of its JSON file.
 #[derive(Debug, Clone, Serialize)]
@@ -56,8 +58,6 @@ pub struct Settings {
     pub fps: f64,
     /// Seed of all random choices.
     pub seed: u32,
-    /// Deviation from the density that `stable` tolerates, in samples a pixel.
-    pub tolerance: f32,
 }
 
 /// What one method cost and did.
@@ -67,6 +67,8 @@ pub struct MethodResult {
     pub name: String,
     /// Which kind it is.
     pub kind: Method,
+    /// The knobs that mean something to it.
+    pub knobs: BTreeMap<&'static str, Value>,
     /// Milliseconds on the device of each phase, in order.
     pub phases: Vec<PhaseSummary>,
     /// Milliseconds on the device of whole frames.
@@ -130,7 +132,15 @@ impl Collector {
     }
 
     /// Summarises the frames of a method called `name` at `size` pixels.
-    pub fn finish(self, name: String, kind: Method, size: [u32; 2], first_frame_ms: f64, memory: u64) -> MethodResult {
+    pub fn finish(
+        self,
+        name: String,
+        settings: &crate::Settings,
+        size: [u32; 2],
+        first_frame_ms: f64,
+        memory: u64,
+    ) -> MethodResult {
+        let kind = settings.method;
         let average = |part: fn(&FrameStats) -> f64| mean(self.stats.iter().map(part));
         let pixels = f64::from(size[0]) * f64::from(size[1]);
         let summary = |(label, ms): &(String, Vec<f64>)| PhaseSummary { label: label.clone(), ms: Summary::of(ms) };
@@ -142,10 +152,11 @@ impl Collector {
             shadow_rays_per_frame: average(|s| f64::from(s.shadow_rays)),
             samples_per_pixel: ratio(average(|s| f64::from(s.shaded)), pixels),
             reused_fraction: average(FrameStats::reused_fraction),
-            reprojected: (kind == Method::Stable).then(|| mean_shares(&self.stats)),
+            reprojected: kind.keeps_samples().then(|| mean_shares(&self.stats)),
             memory_bytes: memory,
             name,
             kind,
+            knobs: knob::used(settings),
         }
     }
 }
@@ -171,7 +182,7 @@ fn mean_shares(stats: &[FrameStats]) -> [f64; 5] {
 pub fn ratios(methods: &[MethodResult]) -> Vec<Ratio> {
     let rivals: Vec<&MethodResult> =
         methods.iter().filter(|m| m.kind == Method::Supersample && m.rays_per_frame > 0.0).collect();
-    let stable = methods.iter().filter(|m| m.kind == Method::Stable);
+    let stable = methods.iter().filter(|m| m.kind.keeps_samples());
     stable.filter_map(|m| compare(m, &rivals)).collect()
 }
 
@@ -296,7 +307,8 @@ mod tests {
             let own = if kind == Method::Stable { "reproject" } else { "generate" };
             collector.add(stats, &[PhaseTime { label: own, ms: ms / 2.0 }, shading]);
         }
-        collector.finish(name.to_owned(), kind, [10, 10], 99.0, 4096)
+        let settings = crate::Settings { method: kind, ..crate::Settings::default() };
+        collector.finish(name.to_owned(), &settings, [10, 10], 99.0, 4096)
     }
 
     fn bench(methods: Vec<MethodResult>) -> Bench {
@@ -309,15 +321,8 @@ mod tests {
             rejected: Vec::new(),
         };
         let build = Build { version: "0", commit: None, profile: "debug", target: "test".into() };
-        let settings = Settings {
-            motion: "static".into(),
-            camera: "default".into(),
-            frames: 3,
-            warmup: 0,
-            fps: 30.0,
-            seed: 0,
-            tolerance: 1.0,
-        };
+        let settings =
+            Settings { motion: "static".into(), camera: "default".into(), frames: 3, warmup: 0, fps: 30.0, seed: 0 };
         let ratios = ratios(&methods);
         Bench { schema: 1, device, build, scene: "test".into(), settings, size: [10, 10], methods, ratios }
     }

@@ -34,6 +34,15 @@ pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn WriteSeek) -> Result
     Ok(())
 }
 
+/// Creates or replaces `path` with a text.
+///
+/// # Errors
+/// As for [`write_whole`].
+pub fn write_text(path: &Path, text: &str) -> Result<()> {
+    let io = |cause| Error::Io { path: path.to_owned(), cause };
+    write_whole(path, |sink| sink.write_all(text.as_bytes()).map_err(io))
+}
+
 /// A file without a name in the folder of `path`; it is gone when it is closed, however the program ends.
 ///
 /// # Errors

@@ -1,4 +1,10 @@
 //! How to render: what a renderer is made with.
+//!
+//! Every setting that trades something for something else is a knob: an entry of the one table in [`knob`], from which
+//! come its range check, its place in the settings file ([`file`]), `--set` on the command line and the axes of a search.
+
+pub mod file;
+pub mod knob;
 
 use crate::{Error, Result};
 use ash::vk;
@@ -43,26 +49,35 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// The defaults of a method: those of all, but for what the method's own paper or purpose says otherwise.
+    pub fn of(method: Method) -> Self {
+        let spp = if method.accumulates() { 16 } else { 1 };
+        Self { method, spp, ..Self::default() }
+    }
+
+    /// Changes the method. Knobs that are at the old method's defaults go to those of the new one.
+    pub fn switch(&mut self, method: Method) {
+        let (old, new) = (Self::of(self.method), Self::of(method));
+        self.method = method;
+        knob::KNOBS.iter().for_each(|knob| knob.follow(self, &old, &new));
+    }
+
     /// Whether every value is in its range.
     ///
     /// # Errors
     /// [`Error::Setting`] with the name, the value and the range.
     pub fn validate(&self) -> Result<()> {
-        let check = |name, value: String, good: bool, expected: &str| {
-            if good { Ok(()) } else { Err(Error::Setting { name, value, expected: expected.to_owned() }) }
-        };
         let [w, h] = self.size;
-        let size_good = (1..=16384).contains(&w) && (1..=16384).contains(&h);
-        check("size", format!("{w}x{h}"), size_good, "from 1x1 to 16384x16384")?;
-        let unit = "from 0.0625 to 16";
-        check("density", self.density.to_string(), (0.0625..=16.0).contains(&self.density), unit)?;
-        check("tolerance", self.tolerance.to_string(), (0.0625..=16.0).contains(&self.tolerance), unit)?;
-        check("spp", self.spp.to_string(), (1..=16).contains(&self.spp), "from 1 to 16")
+        if !((1..=16384).contains(&w) && (1..=16384).contains(&h)) {
+            let expected = "from 1x1 to 16384x16384".to_owned();
+            return Err(Error::Setting { name: "size", value: format!("{w}x{h}"), expected });
+        }
+        knob::KNOBS.iter().try_for_each(|knob| knob.check(&knob.get(self)))
     }
 }
 
-/// How samples are chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+/// What is rendered with: where samples come from, and what is made of the frames before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Reprojected samples, paper 1.
@@ -71,6 +86,47 @@ pub enum Method {
     Supersample,
     /// As `Supersample`, jittered and accumulated over all frames since the last reset.
     Reference,
+}
+
+/// Where the samples of a frame come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sampling {
+    /// Those of the last frame, reprojected, and new ones where they are too few (paper 1).
+    Reprojected,
+    /// `spp` new ones a pixel.
+    Fresh,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: &[Self] = &[Self::Stable, Self::Supersample, Self::Reference];
+
+    /// As the command line and the settings file spell it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Stable => "stable",
+            Self::Supersample => "supersample",
+            Self::Reference => "reference",
+        }
+    }
+
+    /// Where its samples come from.
+    pub const fn sampling(self) -> Sampling {
+        match self {
+            Self::Stable => Sampling::Reprojected,
+            Self::Supersample | Self::Reference => Sampling::Fresh,
+        }
+    }
+
+    /// Whether samples live on from frame to frame, in two caches that swap roles.
+    pub const fn keeps_samples(self) -> bool {
+        matches!(self.sampling(), Sampling::Reprojected)
+    }
+
+    /// Whether all frames since the last reset are averaged.
+    pub const fn accumulates(self) -> bool {
+        matches!(self, Self::Reference)
+    }
 }
 
 /// Images besides colour.
