@@ -21,6 +21,7 @@
 //! | [`shaders`] | what the build made of `glsl/`: SPIR-V with its interfaces, structs and constants shared with Rust |
 //! | [`oracle`] | the same phases on the CPU: the known answers for tests |
 //! | [`report`] | pictures, tables, JSON |
+//! | [`trade`] | the search for settings that are worth their time |
 //! | [`progress`], [`error`] | how long work tells that it goes on; what went wrong and what to do about it |
 //!
 //! # The frame
@@ -134,6 +135,7 @@ pub mod scene;
 pub mod settings;
 pub mod shaders;
 pub mod stats;
+pub mod trade;
 
 /// The Vulkan bindings whose types the interface takes: a host uses the same version.
 pub use ash;

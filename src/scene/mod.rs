@@ -8,10 +8,12 @@
 pub mod atlas;
 pub mod builtin;
 pub mod color;
+pub mod fingerprint;
 pub mod import;
 pub mod motion;
 pub mod pose;
 pub mod requirements;
+pub mod shot;
 
 use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 

@@ -1,0 +1,12 @@
+//! The search for good trades: which settings are worth their time on a scene and its motion.
+//!
+//! | module | what it does |
+//! | --- | --- |
+//! | [`candidate`] | settings out of the knobs' ladders |
+//! | [`pareto`] | dominance, fronts, estimates with intervals |
+//! | [`halving`] | tries all on little and the better ones on more |
+
+pub mod candidate;
+pub mod halving;
+pub mod pareto;
+mod random;
