@@ -100,6 +100,14 @@ pub enum Error {
         /// What is wrong and what is allowed.
         message: String,
     },
+    /// A search's folder, or what is asked of it, makes no sense.
+    #[error("{}: {message}", .path.display())]
+    Search {
+        /// The folder or file.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        message: String,
+    },
     /// A file could not be read or written.
     #[error("{}: {cause}", .path.display())]
     Io {

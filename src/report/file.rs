@@ -39,8 +39,16 @@ pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn WriteSeek) -> Result
 /// # Errors
 /// As for [`write_whole`].
 pub fn write_text(path: &Path, text: &str) -> Result<()> {
+    write_bytes(path, text.as_bytes())
+}
+
+/// Creates or replaces `path` with some bytes.
+///
+/// # Errors
+/// As for [`write_whole`].
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     let io = |cause| Error::Io { path: path.to_owned(), cause };
-    write_whole(path, |sink| sink.write_all(text.as_bytes()).map_err(io))
+    write_whole(path, |sink| sink.write_all(bytes).map_err(io))
 }
 
 /// A file without a name in the folder of `path`; it is gone when it is closed, however the program ends.
