@@ -116,6 +116,12 @@ pub enum Error {
         /// The cause.
         cause: std::io::Error,
     },
+    /// Frames cannot be measured against each other.
+    #[error("{message}")]
+    Frames {
+        /// Which frame, and what is wrong with it.
+        message: String,
+    },
     /// An image could not be encoded or decoded.
     #[error("{}: {message}", .path.display())]
     Image {

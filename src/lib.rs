@@ -20,6 +20,7 @@
 //! | [`method`] | a method as an ordered list of phases, the memory it needs, the constants of a frame |
 //! | [`shaders`] | what the build made of `glsl/`: SPIR-V with its interfaces, structs and constants shared with Rust |
 //! | [`oracle`] | the same phases on the CPU: the known answers for tests |
+//! | [`metric`] | error, sharpness and stability of image sequences. No Vulkan |
 //! | [`report`] | pictures, tables, JSON |
 //! | [`trade`] | the search for settings that are worth their time |
 //! | [`progress`], [`error`] | how long work tells that it goes on; what went wrong and what to do about it |
@@ -125,6 +126,7 @@ pub mod error;
 pub mod gpu;
 pub mod headless;
 pub mod method;
+pub mod metric;
 pub mod oracle;
 pub mod phase;
 pub mod progress;
