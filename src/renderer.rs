@@ -29,7 +29,8 @@ pub struct FrameInputs<'a> {
     pub view: View,
     /// Where everything is: as many instances and lights as the scene has.
     pub pose: &'a Pose,
-    /// A camera cut: forget all samples.
+    /// A camera cut: forget all samples. For a method that accumulates, the begin of the next picture, whose motion is told
+    /// relative to the picture before.
     pub reset: bool,
 }
 
@@ -98,6 +99,8 @@ impl std::fmt::Debug for Renderer {
 struct Last {
     view: View,
     pose: Pose,
+    /// What motion was told relative to.
+    before: Option<(View, Pose)>,
     /// Frames since the last reset.
     frame: u32,
     /// Frames for which nothing has moved.
@@ -311,14 +314,16 @@ impl Renderer {
 
     /// Compares with the last frame, and remembers this one.
     fn advance(&mut self, inputs: &FrameInputs<'_>) -> Moment {
-        let last = self.last.take().filter(|_| !inputs.reset);
+        let taken = self.last.take();
+        let before = self.motion_origin(inputs, taken.as_ref());
+        let last = taken.filter(|_| !inputs.reset);
         let still = last
             .as_ref()
             .map_or(0, |l| if l.view == inputs.view && l.pose == *inputs.pose { l.still.saturating_add(1) } else { 0 });
         let frame = last.as_ref().map_or(0, |l| l.frame.wrapping_add(1));
         let moment = Moment {
             view: inputs.view,
-            previous: last.as_ref().map_or(inputs.view, |l| l.view),
+            previous: before.as_ref().map_or(inputs.view, |(view, _)| *view),
             frame,
             reset: last.is_none(),
             // The first still frame repairs what the last movement left; from the second on the pattern stays.
@@ -326,9 +331,20 @@ impl Renderer {
             lights: self.scene.lights.len() as u32,
             instances: self.scene.geometry.instance_meshes.len() as u32,
         };
-        self.write_instances(inputs, &moment, last.as_ref().map(|l| &l.pose));
-        self.last = Some(Last { view: inputs.view, pose: inputs.pose.clone(), frame, still });
+        self.write_instances(inputs, &moment, before.as_ref().map(|(_, pose)| pose));
+        self.last = Some(Last { view: inputs.view, pose: inputs.pose.clone(), before, frame, still });
         moment
+    }
+
+    /// Where everything was one picture ago. A method that accumulates renders a picture in many frames, from one reset to
+    /// the next; elsewhere a reset is a cut, and nothing was before.
+    fn motion_origin(&self, inputs: &FrameInputs<'_>, last: Option<&Last>) -> Option<(View, Pose)> {
+        let last = last?;
+        match (self.settings.method.accumulates(), inputs.reset) {
+            (true, false) => last.before.clone(),
+            (false, true) => None,
+            _ => Some((last.view, last.pose.clone())),
+        }
     }
 
     /// Places the instances relative to the camera and rebuilds the top level, into the ring.
