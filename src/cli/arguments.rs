@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use stillray::metric::sequence::Metric;
 use stillray::renderer::{Aov, Method, Settings};
 use stillray::report::bench::Build;
 use stillray::scene::motion::Motion;
@@ -88,6 +89,11 @@ pub fn aov() -> impl TypedValueParser<Value = Aov> {
 /// The name of a camera motion.
 pub fn motion() -> impl TypedValueParser<Value = Motion> {
     named(Motion::ALL.map(|m| (m.name(), m)))
+}
+
+/// The name of something to measure.
+pub fn metric() -> impl TypedValueParser<Value = Metric> {
+    named(Metric::ALL.map(|m| (m.name(), m)))
 }
 
 /// One of a few names, each for a value.

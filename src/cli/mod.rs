@@ -2,6 +2,7 @@
 
 mod arguments;
 mod bench;
+mod compare;
 mod console;
 mod info;
 mod interrupt;
@@ -28,6 +29,7 @@ struct Cli {
 enum Command {
     Render(render::Render),
     Bench(bench::Bench),
+    Compare(compare::Compare),
     Info(info::Info),
     Settings(settings::Settings),
 }
@@ -74,6 +76,7 @@ fn dispatch(command: Option<Command>) -> Outcome {
     match command {
         Some(Command::Render(render)) => render.run(),
         Some(Command::Bench(bench)) => bench.run(),
+        Some(Command::Compare(compare)) => compare.run(),
         Some(Command::Info(info)) => info.run(),
         Some(Command::Settings(settings)) => settings.run(),
         None => Ok(()),
@@ -89,7 +92,7 @@ fn parse(arguments: impl Iterator<Item = OsString>) -> Outcome<Option<Command>> 
             Ok(None)
         }
         Err(e) if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            Err(Failure::Usage("no command given: render, bench, info or settings (see --help)".to_owned()))
+            Err(Failure::Usage("no command given: render, bench, compare, info or settings (see --help)".to_owned()))
         }
         Err(e) => Err(Failure::Usage(first_paragraph(&e.to_string()))),
     }

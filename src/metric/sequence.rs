@@ -227,6 +227,11 @@ impl Sequence {
         self.flicker.cut();
     }
 
+    /// Pixels across and down of the frames so far; none before the first.
+    pub fn size(&self) -> Option<[usize; 2]> {
+        self.size
+    }
+
     /// RMS over time of the flicker error of each pixel, 0..=1, and how many changes were measured there.
     pub fn flicker_map(&self) -> Option<[Plane; 2]> {
         self.flicker.map()

@@ -70,7 +70,7 @@ pub fn variant(name: &str, image: &Codes) -> Codes {
         "blur" => blur(image, SIZE),
         "blurrier" => blur(&blur(&blur(image, SIZE), SIZE), SIZE),
         "shifted" => shifted(image, SIZE[0]),
-        "darker" => image.iter().map(|code| code * 3 >> 2).collect(),
+        "darker" => image.iter().map(|code| (code * 3) >> 2).collect(),
         other => panic!("no variant {other}"),
     }
 }
