@@ -24,7 +24,8 @@ fn seen_before(now: &View, before: &View, [x, y]: [u32; 2]) -> [f64; 2] {
 /// At 6 samples a pixel none is empty. The largest difference between the motion of the last frame and what the camera did, over pixels away from the border.
 fn worst(method: Method, frames: u32, passes: u32) -> f64 {
     let rig = Rig::new(load("builtin:cornell"));
-    let mut session = rig.session(&Settings { size: SIZE, aovs: vec![Aov::Motion], density: 6.0, ..Settings::of(method) });
+    let mut session =
+        rig.session(&Settings { size: SIZE, aovs: vec![Aov::Motion], density: 6.0, ..Settings::of(method) });
     let (pose, view) = (rig.scene.pose(0.0), |f: u32| rig.view(Motion::Rotate, f64::from(f) / 60.0));
     for frame in 0..frames {
         for pass in 0..passes {

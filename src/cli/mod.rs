@@ -10,6 +10,7 @@ mod progress;
 mod render;
 mod scenes;
 mod settings;
+mod trade;
 
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
@@ -32,6 +33,7 @@ enum Command {
     Compare(compare::Compare),
     Info(info::Info),
     Settings(settings::Settings),
+    Trade(trade::Trade),
 }
 
 /// Why the program ends without having done what was asked.
@@ -79,6 +81,7 @@ fn dispatch(command: Option<Command>) -> Outcome {
         Some(Command::Compare(compare)) => compare.run(),
         Some(Command::Info(info)) => info.run(),
         Some(Command::Settings(settings)) => settings.run(),
+        Some(Command::Trade(trade)) => trade.run(),
         None => Ok(()),
     }
 }
@@ -91,9 +94,9 @@ fn parse(arguments: impl Iterator<Item = OsString>) -> Outcome<Option<Command>> 
             console::unless_unread(e.print())?;
             Ok(None)
         }
-        Err(e) if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            Err(Failure::Usage("no command given: render, bench, compare, info or settings (see --help)".to_owned()))
-        }
+        Err(e) if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => Err(Failure::Usage(
+            "no command given: render, bench, compare, trade, info or settings (see --help)".to_owned(),
+        )),
         Err(e) => Err(Failure::Usage(first_paragraph(&e.to_string()))),
     }
 }

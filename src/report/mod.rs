@@ -13,3 +13,4 @@ pub mod png;
 pub mod statistics;
 pub mod table;
 pub mod tonemap;
+pub mod trade;

@@ -12,7 +12,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// A camera motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub enum Motion {
     /// The view as it is.
     #[default]

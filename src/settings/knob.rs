@@ -23,6 +23,8 @@ pub struct Knob {
     pub domain: Domain,
     /// Whether it means something to a method.
     pub applies: fn(Method) -> bool,
+    /// Whether it changes how many rays are traced: what it costs can then be counted.
+    pub rays: bool,
     /// Values worth trying in a search, in order.
     pub ladder: &'static [Value],
 }
@@ -117,6 +119,7 @@ pub static KNOBS: &[Knob] = &[
             set: |s, i| s.switch(Method::ALL.get(i).copied().unwrap_or(s.method)),
         },
         applies: any,
+        rays: true,
         ladder: &[Choice("stable"), Choice("supersample")],
     },
     Knob {
@@ -126,6 +129,7 @@ pub static KNOBS: &[Knob] = &[
         trades: "more: less error, aliasing and flicker, for time and memory in proportion",
         domain: Domain::Number { min: 0.0625, max: 16.0, at: |s| &mut s.density },
         applies: analysed,
+        rays: true,
         ladder: &[Number(0.25), Number(0.5), Number(1.0), Number(1.5), Number(2.0), Number(3.0), Number(4.0)],
     },
     Knob {
@@ -136,6 +140,7 @@ pub static KNOBS: &[Knob] = &[
                  less bias at edges",
         domain: Domain::Number { min: 0.0625, max: 16.0, at: |s| &mut s.tolerance },
         applies: analysed,
+        rays: true,
         ladder: &[Number(0.25), Number(0.5), Number(1.0), Number(2.0)],
     },
     Knob {
@@ -145,6 +150,7 @@ pub static KNOBS: &[Knob] = &[
         trades: "more: less error, aliasing and flicker, for time and memory in proportion",
         domain: Domain::Count { min: 1, max: 16, at: |s| &mut s.spp },
         applies: fresh,
+        rays: true,
         ladder: &[Count(1), Count(2), Count(3), Count(4), Count(6), Count(8)],
     },
     Knob {
@@ -154,6 +160,7 @@ pub static KNOBS: &[Knob] = &[
         trades: "on: aliasing turns into noise that flickers",
         domain: Domain::Switch { at: |s| &mut s.jitter },
         applies: |method| method == Method::Supersample,
+        rays: false,
         ladder: &[Switch(false), Switch(true)],
     },
     Knob {
@@ -163,6 +170,7 @@ pub static KNOBS: &[Knob] = &[
         trades: "on: no rounding to 11 bits and a range beyond 65504, for 8 bytes a pixel",
         domain: Domain::Switch { at: |s| &mut s.float_output },
         applies: any,
+        rays: false,
         ladder: &[Switch(false), Switch(true)],
     },
 ];

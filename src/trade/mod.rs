@@ -3,12 +3,25 @@
 //! | module | what it does |
 //! | --- | --- |
 //! | [`candidate`] | settings out of the knobs' ladders |
-//! | [`pareto`] | dominance, fronts, estimates with intervals |
 //! | [`halving`] | tries all on little and the better ones on more |
-//! | [`store`] | its folder: measurements as files |
+//! | [`pareto`] | dominance, fronts, estimates with intervals |
+//! | [`studio`], [`reference`](mod@reference), [`evaluate`] | renders candidates beside converged frames, and measures |
+//! | [`timing`] | times in turns what came to the end, and each against itself |
+//! | [`store`] | the search's folder: measurements as files |
+//! | [`search`] | all of it in order, to be stopped and gone on with, whole or in shards |
+//! | [`outcome`] | what the files say, and the front |
+//! | [`choose`] | settings under a limit |
 
 pub mod candidate;
+pub mod choose;
+pub mod evaluate;
 pub mod halving;
+pub mod outcome;
 pub mod pareto;
+pub mod pictures;
 mod random;
+pub mod reference;
+pub mod search;
 pub mod store;
+pub mod studio;
+pub mod timing;

@@ -1,0 +1,43 @@
+//! What is kept to be looked at: the frames in motion, and where they are wrong.
+
+use super::evaluate::Pictures;
+use crate::Result;
+use crate::headless::Pixels;
+use crate::metric::image::Frame;
+use crate::report::apng::Animation;
+use crate::report::compare::colored;
+use crate::report::png::Picture;
+use std::path::Path;
+
+/// Writes `frames.png` (animated), `flip.png` and `flicker.png`, as far as there are any.
+///
+/// # Errors
+/// [`crate::Error::Io`] or [`crate::Error::Image`].
+pub fn write(folder: &Path, pictures: &Pictures, fps: f64) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|cause| crate::Error::Io { path: folder.to_owned(), cause })?;
+    if let Some(first) = pictures.frames.first() {
+        let size = first.size().map(|side| side as u32);
+        let mut animation = Animation::new(&folder.join("frames.png"), size, fps)?;
+        for frame in &pictures.frames {
+            animation.push(&picture(frame))?;
+        }
+        animation.finish()?;
+    }
+    for (name, map) in [("flip.png", &pictures.flip), ("flicker.png", &pictures.flicker)] {
+        if let Some(map) = map {
+            colored(map, WHITE).write(&folder.join(name))?;
+        }
+    }
+    Ok(())
+}
+
+/// The error that maps show in their brightest colour, 0 to 1: the same for all, so that they can be compared.
+const WHITE: f32 = 0.5;
+
+/// As `stillray render` writes it.
+pub fn picture(frame: &Frame) -> Picture {
+    let [width, height] = frame.size().map(|side| side as u32);
+    let [r, g, b] = frame.linear();
+    let data = r.iter().zip(g).zip(b).flat_map(|((r, g), b)| [*r, *g, *b]).collect();
+    Picture::tone_mapped(&Pixels { width, height, channels: 3, data }, 0.0)
+}
