@@ -262,6 +262,7 @@ fn conclude(store: &Store, search: &Search, limits: &Limited, quiet: bool) -> Ou
     interrupt::uninterrupted(|| -> Outcome {
         report::write_json(folder, &found, &arguments::build())?;
         report::write_csv(folder, &found)?;
+        report::write_html(folder, &found, &arguments::build())?;
         Ok(())
     })?;
     let [w, h] = search.size;
@@ -273,7 +274,7 @@ fn conclude(store: &Store, search: &Search, limits: &Limited, quiet: bool) -> Ou
         report::table(&found),
         report::differences(&found)
     );
-    text += &format!("\neverything is in {}: trade.json, trade.csv\n", folder.display());
+    text += &format!("\neverything is in {}: report.html to look at, trade.json, trade.csv\n", folder.display());
     if limits.asked() {
         text += &limits.pick(&found)?;
     }

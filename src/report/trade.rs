@@ -1,12 +1,15 @@
-//! What a search found, as files and as a table: `trade.json`, `trade.csv`.
+//! What a search found, as files and as a table: `trade.json`, `trade.csv`, `report.html`.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
+use base64::Engine;
 use serde::Serialize;
 
 use super::bench::Build;
 use super::table::{Table, bytes, grouped};
 use super::{file, json};
+use crate::trade::candidate::Origin;
 use crate::trade::outcome::{Entry, Outcome};
 use crate::trade::timing;
 use crate::{Error, Result};
@@ -25,6 +28,47 @@ struct File<'a> {
 /// [`Error::Io`].
 pub fn write_json(folder: &Path, outcome: &Outcome, build: &Build) -> Result<()> {
     json::write(&folder.join("trade.json"), &File { build, outcome })
+}
+
+/// Writes `report.html`: everything to be looked at, in one file that needs no other and no network.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_html(folder: &Path, outcome: &Outcome, build: &Build) -> Result<()> {
+    let path = folder.join("report.html");
+    let pictures = pictures(folder, outcome)?;
+    let page = Page { file: File { build, outcome }, pictures };
+    let data = serde_json::to_string(&page).map_err(|e| Error::Io { path: path.clone(), cause: e.into() })?;
+    // Nothing in the data may end the element that it is in.
+    file::write_text(&path, &include_str!("trade.html").replacen("/*DATA*/", &data.replace("</", "<\\/"), 1))
+}
+
+/// What the page reads.
+#[derive(Debug, Serialize)]
+struct Page<'a> {
+    #[serde(flatten)]
+    file: File<'a>,
+    pictures: BTreeMap<String, BTreeMap<&'static str, String>>,
+}
+
+/// The pictures of the front, of the methods' defaults and of the reference, as data URLs.
+fn pictures(folder: &Path, outcome: &Outcome) -> Result<BTreeMap<String, BTreeMap<&'static str, String>>> {
+    let shown = outcome.entries.iter().filter(|e| e.on_front || e.origin == Origin::Default);
+    let names = shown.map(|e| e.candidate.as_str()).chain(["reference"]);
+    names.map(|name| Ok((name.to_owned(), pictures_of(&folder.join("pictures").join(name))?))).collect()
+}
+
+fn pictures_of(folder: &Path) -> Result<BTreeMap<&'static str, String>> {
+    let mut found = BTreeMap::new();
+    for name in ["frames", "flip", "flicker"] {
+        let path = folder.join(format!("{name}.png"));
+        if path.exists() {
+            let bytes = std::fs::read(&path).map_err(|cause| Error::Io { path, cause })?;
+            let text = base64::engine::general_purpose::STANDARD.encode(bytes);
+            found.insert(name, format!("data:image/png;base64,{text}"));
+        }
+    }
+    Ok(found)
 }
 
 /// Writes `trade.csv`: a row a candidate that came to the end.
@@ -93,7 +137,7 @@ pub fn table(outcome: &Outcome) -> Table {
         "energy",
         "",
     ]);
-    let default = |e: &&Entry| e.origin == crate::trade::candidate::Origin::Default;
+    let default = |e: &&Entry| e.origin == Origin::Default;
     for entry in outcome.entries.iter().filter(|e| e.on_front || default(e)) {
         table.row(row(entry));
     }

@@ -23,16 +23,14 @@ pub fn write(folder: &Path, pictures: &Pictures, fps: f64) -> Result<()> {
         }
         animation.finish()?;
     }
-    for (name, map) in [("flip.png", &pictures.flip), ("flicker.png", &pictures.flicker)] {
+    for (name, map, white) in [("flip.png", &pictures.flip, 0.5), ("flicker.png", &pictures.flicker, 0.25)] {
         if let Some(map) = map {
-            colored(map, WHITE).write(&folder.join(name))?;
+            // The same white for all candidates, so that their maps can be compared.
+            colored(map, white).write(&folder.join(name))?;
         }
     }
     Ok(())
 }
-
-/// The error that maps show in their brightest colour, 0 to 1: the same for all, so that they can be compared.
-const WHITE: f32 = 0.5;
 
 /// As `stillray render` writes it.
 pub fn picture(frame: &Frame) -> Picture {
