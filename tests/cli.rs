@@ -39,6 +39,7 @@ fn help_and_version_are_no_errors() {
         &["help"],
         &["render", "--help"],
         &["bench", "-h"],
+        &["compare", "--help"],
         &["info", "--help"],
         &["settings", "-h"],
     ] {
@@ -112,6 +113,11 @@ fn wrong_words_are_usage_errors_that_name_the_option() {
         (&["bench", "--methods", "stable:1", "--set", "tolerance=-1"], "from 0.0625 to 16"),
         (&["bench", "--methods", "absent.toml"], "absent.toml"),
         (&["settings", "--set", "spp=two"], "a whole number"),
+        (&["compare"], "DIR"),
+        (&["compare", "a"], "REFERENCE_DIR"),
+        (&["compare", "a", "b", "--metrics", "beauty"], "--metrics"),
+        (&["compare", "a", "b", "--exposure", "99"], "--exposure"),
+        (&["compare", "a", "b", "--ppd", "0"], "--ppd"),
         (&["info", "--size", "x"], "--size"),
         (&["info", "builtin:teapot"], "teapot"),
     ];

@@ -16,7 +16,8 @@
 //! - **flicker error** `= RMS(D_k[f] - D_k[r]) = RMS(D_k[f - r])`: the change of the *error*, along the motion.
 //!
 //! Both are in units of display values, where 1 is from black to white and 1/255 a step of an 8-bit picture. Excess flicker is
-//! in -1..=1 (negative for what is steadier than the reference), flicker error in 0..=1. Lower is better. Each is told for
+//! in -1..=1 (negative for what is steadier than the reference), flicker error in 0..=2 and never below the size of excess
+//! flicker. Lower is better. Each is told for
 //! each lag; the one number is the mean over lags. Lag 1 sees what alternates, lag 3 what drifts as well.
 //!
 //! # Which one
@@ -43,8 +44,10 @@
 //! - How fast the frames are shown, and what the eye makes of it: the change of a single pixel counts like one pixel of an area.
 //! - Mirrored and refracted images, and shadows: they move otherwise than the surface they are seen on. Excess flicker takes
 //!   away what the reference has of that.
-//! - Where motion is not a whole number of pixels, bilinear reading smooths the earlier frame. An error as fine as a pixel
-//!   then looks as if it changed even if it sticks to its surface. All methods share that offset for the same motion.
+//! - Where motion is not a whole number of pixels, bilinear reading smooths the earlier frame: hard edges, and errors as fine
+//!   as a pixel, then look as if they changed even if they stick to their surface. It is the same for all methods along the
+//!   same motion, but it can exceed the true change where a hard-edged picture moves by less than a pixel a frame: compare
+//!   methods with each other, not motions.
 
 use std::collections::VecDeque;
 
@@ -63,7 +66,7 @@ pub const LAGS: usize = 3;
 pub struct Flicker {
     /// Mean over lags of RMS(D\[f\]) - RMS(D\[r\]), -1..=1.
     pub excess_flicker: f64,
-    /// Mean over lags of RMS(D\[f - r\]), 0..=1.
+    /// Mean over lags of RMS(D\[f - r\]), 0..=2.
     pub flicker_error: f64,
     /// Share of pixels, 0..=1, that were valid; mean over lags.
     pub valid: f64,
@@ -80,7 +83,7 @@ pub struct Lag {
     pub lag: usize,
     /// RMS(D\[f\]) - RMS(D\[r\]), -1..=1.
     pub excess_flicker: f64,
-    /// RMS(D\[f - r\]), 0..=1.
+    /// RMS(D\[f - r\]), 0..=2.
     pub flicker_error: f64,
     /// RMS(D\[f\]), 0..=1.
     pub frames: f64,
@@ -183,7 +186,7 @@ impl FlickerMeter {
         (!lags.is_empty()).then_some(Flicker { excess_flicker, flicker_error, valid, lags, causes })
     }
 
-    /// RMS over frames and lags of each pixel's change of error, 0..=1; 0 where it was never valid. The second plane is the
+    /// RMS over frames and lags of each pixel's change of error, 0..=2; 0 where it was never valid. The second plane is the
     /// number of valid observations.
     pub fn map(&self) -> Option<[Plane; 2]> {
         let Kept { frame, .. } = self.past.front()?;

@@ -10,7 +10,7 @@
 //! | [`flip`] | difference seen when alternating | EXR: linear; PNG: display | 0..=1, low | Andersson et al. 2020, 2021 |
 //! | [`cpbd`] | sharpness | 8-bit luma of display | 0..=1, high | Narvekar and Karam 2011; paper 1, section 6 |
 //! | [`temporal`] | change of the error on the screen | display, linear | 0.., low | |
-//! | [`flicker`] | change of the error along the motion | display luminance | 0..=1, low | ours |
+//! | [`flicker`] | change of the error along the motion | display luminance | 0..=2, low | ours |
 //! | [`bias`] | relative error of a sum over a part | as given | -1.., 0 | |
 //!
 //! *Linear* values are scene-linear (EXR) or decoded (PNG); *display* values are sRGB-encoded in 0..=1. Sums are in f64, in the

@@ -232,7 +232,7 @@ impl Sequence {
         self.size
     }
 
-    /// RMS over time of the flicker error of each pixel, 0..=1, and how many changes were measured there.
+    /// RMS over time of the flicker error of each pixel, 0..=2, and how many changes were measured there.
     pub fn flicker_map(&self) -> Option<[Plane; 2]> {
         self.flicker.map()
     }

@@ -139,25 +139,25 @@ impl Comparison {
 
     fn errors(&self) -> Table {
         let (mean, mut table) = (&self.report.mean, Table::new(["measure", "value", "equal frames"]));
-        let mut row = |name: &str, value: Option<f64>, digits: usize, equal: &str| {
+        let mut row = |name: &str, value: Option<f64>, equal: &str| {
             if let Some(value) = value {
-                table.row([name.to_owned(), format!("{value:.digits$}"), equal.to_owned()]);
+                table.row([name.to_owned(), format!("{value:.5}"), equal.to_owned()]);
             }
         };
-        row(&format!("{}-FLIP", self.settings.flip), mean.flip, 5, "0");
-        row("RMSE, display", mean.rmse, 5, "0");
-        row("RMSE, linear", mean.rmse_linear, 5, "0");
-        row("PSNR, display, dB", mean.psnr, 2, "infinite");
-        row("relative MSE, linear", mean.relative_mse, 5, "0");
-        row("SSIM, display", mean.ssim, 5, "1");
-        row("energy ratio, linear", mean.energy_ratio, 5, "1");
+        row(&format!("{}-FLIP", self.settings.flip), mean.flip, "0");
+        row("RMSE, display", mean.rmse, "0");
+        row("RMSE, linear", mean.rmse_linear, "0");
+        row("PSNR, display, dB", mean.rmse.map(|_| mean.psnr.unwrap_or(f64::INFINITY)), "inf");
+        row("relative MSE, linear", mean.relative_mse, "0");
+        row("SSIM, display", mean.ssim, "1");
+        row("energy ratio, linear", mean.energy_ratio, "1");
         let sharp = mean.cpbd_reference.map(|v| format!("{v:.5}")).unwrap_or_default();
-        row("CPBD sharpness", mean.cpbd, 5, &sharp);
+        row("CPBD sharpness", mean.cpbd, &sharp);
         if let Some(temporal) = &self.report.temporal {
-            row("error's deviation over time, display", temporal.display.std, 5, "0");
-            row("error's deviation over time, linear", temporal.linear.std, 5, "0");
-            row("error's second difference, display", temporal.display.second_difference, 5, "0");
-            row("error's second difference, linear", temporal.linear.second_difference, 5, "0");
+            row("error's deviation over time, display", temporal.display.std, "0");
+            row("error's deviation over time, linear", temporal.linear.std, "0");
+            row("error's second difference, display", temporal.display.second_difference, "0");
+            row("error's second difference, linear", temporal.linear.second_difference, "0");
         }
         table
     }
