@@ -17,7 +17,7 @@ use crate::metric::sequence::{Metric, Report};
 use crate::metric::warp::Geometry;
 
 /// RMS flicker, in display values, that the flicker map shows in its brightest colour.
-pub const FLICKER_WHITE: f32 = 0.1;
+pub const FLICKER_WHITE: f32 = 0.25;
 
 /// What `stillray compare --json` writes.
 #[derive(Debug, Serialize)]
