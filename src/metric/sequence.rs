@@ -18,7 +18,7 @@ use crate::{Error, Result};
 
 /// What can be measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "kebab-case")]
 pub enum Metric {
     /// Root mean square error, of display and of linear values, and PSNR.
     Rmse,
