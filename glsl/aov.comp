@@ -2,13 +2,14 @@
 #extension GL_GOOGLE_include_directive : require
 // Images besides colour, one thread a pixel:
 //   depth    distance of the nearest visible sample in metres, infinity where there is none or only sky
-//   motion   pixels moved since the last frame, of the pixel's sample that moved most (paper 1, section 4.4)
+//   motion   pixels moved since the last frame, of the pixel's sample that moved most (paper 1, section 4.4); 0 if unknown
 //   density  samples evicted (red), added (green) and kept (blue): paper 1, figure 4
 //   age      frames that the oldest sample has lived
 //
 // variant stable: STABLE
 // variant age: STABLE AGE
 #include "camera.glsl"
+#include "filter.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
@@ -45,7 +46,7 @@ void main() {
     uint first = offsets.data[index];
     uint end = offsets.data[index + 1u];
     float nearest = uintBitsToFloat(INFINITY_BITS);
-    vec2 longest = vec2(0.0);
+    uint longest = MOTION_UNKNOWN;
     uint oldest = 0u;
     for (uint slot = first; slot < end; ++slot) {
         Shaded s = shaded.data[slot];
@@ -53,14 +54,14 @@ void main() {
             continue;  // not visible
         }
         nearest = min(nearest, s.depth);
-        vec2 moved = unpackHalf2x16(s.motion);
-        longest = dot(moved, moved) > dot(longest, longest) ? moved : longest;
+        longest = longer_motion(longest, s.motion);
 #ifdef AGE
         oldest = max(oldest, ages.data[slot]);
 #endif
     }
     imageStore(depth, pixel, vec4(nearest));
-    imageStore(motion, pixel, vec4(longest, 0.0, 0.0));
+    vec2 moved = longest == MOTION_UNKNOWN ? vec2(0.0) : unpackHalf2x16(longest);
+    imageStore(motion, pixel, vec4(moved, 0.0, 0.0));
     imageStore(density, pixel, density_of(index, end - first));
     imageStore(age, pixel, vec4(float(oldest)));
 }

@@ -3,7 +3,7 @@
 // Divides the film by its weights and writes the frame: scene-linear RGB with Rec. 709 primaries, alpha 1.
 //
 // variant float: FLOAT_OUTPUT
-#include "types.glsl"
+#include "filter.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
@@ -22,6 +22,5 @@ void main() {
         return;
     }
     vec4 sum = film.data[pixel.y * frame.data.size.x + pixel.x];
-    vec3 mean = sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
-    imageStore(color, ivec2(pixel), vec4(min(mean, vec3(LARGEST)), 1.0));
+    imageStore(color, ivec2(pixel), vec4(min(film_mean(sum), vec3(LARGEST)), 1.0));
 }

@@ -59,8 +59,12 @@ vec3 surface_radiance(Found f, uint lit_bits) {
     return radiance;
 }
 
-// Where the sample lies in this frame, and how far it moved since the last one, in pixels.
-void locate(Sample s, out vec2 pixel, out vec2 motion, out float depth) {
+// Where samples are followed to, in distances from the middle of the frame to its border.
+const float MOTION_REACH = 64.0;
+
+// Where the sample lies in its pixel, and how far it moved since the last frame, in pixels; false if that is unknown. Rounding
+// may have put a visible sample past the frame's border, by a little: it belongs to the pixel at the border.
+bool locate(Sample s, out vec2 offset, out vec2 motion, out float depth) {
     uint id = s.instance & INSTANCE_MASK;
     bool surface = id < frame.data.instance_count;
     vec3 now = s.position;
@@ -71,11 +75,15 @@ void locate(Sample s, out vec2 pixel, out vec2 motion, out float depth) {
         before = transform_point(instances.data[id].previous, s.position);
         depth = length(now);
     }
-    uvec2 size = frame.data.size;
-    project(frame.data.right, frame.data.up, frame.data.forward.xyz, size, now, pixel);
+    Frame f = frame.data;
+    vec2 pixel;
     vec2 last;
-    bool seen = project(frame.data.previous_right, frame.data.previous_up, frame.data.previous_forward.xyz, size, before, last);
-    motion = seen ? pixel - last : vec2(0.0);
+    bool here = project_within(f.right, f.up, f.forward.xyz, f.size, now, MOTION_REACH, pixel);
+    bool there =
+        project_within(f.previous_right, f.previous_up, f.previous_forward.xyz, f.size, before, MOTION_REACH, last);
+    offset = pixel - clamp(floor(pixel), vec2(0.0), vec2(f.size - 1u));
+    motion = pixel - last;
+    return here && there;
 }
 
 void main() {
@@ -92,9 +100,11 @@ void main() {
     if (f.instance != SKY_INSTANCE) {
         radiance = surface_radiance(f, lit.data[slot]);
     }
-    vec2 pixel;
+    vec2 offset;
     vec2 motion;
     float depth;
-    locate(samples.data[slot], pixel, motion, depth);
-    shaded.data[slot] = pack_shaded(radiance, pixel - floor(pixel), motion, depth);
+    bool known = locate(samples.data[slot], offset, motion, depth);
+    Shaded result = pack_shaded(radiance, offset, motion, depth);
+    result.motion = known ? result.motion : MOTION_UNKNOWN;
+    shaded.data[slot] = result;
 }

@@ -15,7 +15,9 @@ use stillray::oracle::bounded::Bounded;
 use stillray::oracle::camera::Projection;
 use stillray::oracle::shade::kernel::{Shading, shade};
 use stillray::oracle::verify::verify;
-use stillray::shaders::{self, Counters, FOUND_LOST, Found, OCCLUDED_BIT, SKY_INSTANCE, Sample, Shaded};
+use stillray::shaders::{
+    self, Counters, FOUND_LOST, Found, MOTION_UNKNOWN, OCCLUDED_BIT, SKY_INSTANCE, Sample, Shaded,
+};
 use support::kernel::{Kernel, blank, data, values};
 use support::random::Random;
 
@@ -117,16 +119,18 @@ fn stored(bits: u32, value: f64, error: f64) -> bool {
     got.is_finite() && (got - clamped).abs() <= error + step
 }
 
-/// Whether a byte is the 256ths of a pixel at which a coordinate may lie.
-fn offset_fits(byte: u32, at: Bounded) -> bool {
-    let code = |x: f64| ((x - x.floor()).clamp(0.0, 0.998_046_875) * 256.0) as u32;
+/// Whether a byte is the 256ths of a pixel at which a coordinate may lie in a frame of `pixels`. What lies past the border
+/// counts as being at it.
+fn offset_fits(byte: u32, at: Bounded, pixels: u32) -> bool {
+    let owner = |x: f64| x.floor().clamp(0.0, f64::from(pixels - 1));
+    let code = |x: f64| ((x - owner(x)).clamp(0.0, 0.998_046_875) * 256.0) as u32;
     let (low, high) = (code(at.value - at.error), code(at.value + at.error));
     if low <= high { (low..=high).contains(&byte) } else { byte >= low || byte <= high }
 }
 
 const ORIGIN: [Bounded; 2] = [Bounded { value: 0.0, error: 0.0 }; 2];
 
-/// Pixels at which a device may find a point: outside the frame it takes the frame's corner.
+/// Pixels at which a device may find a point: what is out of reach it takes for the frame's corner.
 fn candidates(place: Projection) -> Vec<Option<[Bounded; 2]>> {
     match place {
         Projection::Outside => vec![None],
@@ -137,13 +141,15 @@ fn candidates(place: Projection) -> Vec<Option<[Bounded; 2]>> {
 
 fn place_fits(got: &Shaded, want: &Shading) -> bool {
     let bytes = [got.color_b_offset >> 16 & 0xff, got.color_b_offset >> 24];
-    let moved = |now: &[Bounded; 2], last: Option<[Bounded; 2]>| {
-        let motion = last.map_or(ORIGIN, |last| [0, 1].map(|i| now[i] - last[i]));
+    let moved = |now: Option<[Bounded; 2]>, last: Option<[Bounded; 2]>| {
+        let (Some(now), Some(last)) = (now, last) else { return got.motion == MOTION_UNKNOWN };
+        let motion = [0, 1].map(|i| now[i] - last[i]);
         (0..2).all(|i| stored(got.motion >> (16 * i), motion[i].value, motion[i].error))
     };
-    candidates(want.place).into_iter().map(|now| now.unwrap_or(ORIGIN)).any(|now| {
-        let here = (0..2).all(|i| offset_fits(bytes[i], now[i]));
-        here && candidates(want.last).into_iter().any(|last| moved(&now, last))
+    candidates(want.place).into_iter().any(|now| {
+        let at = now.unwrap_or(ORIGIN);
+        let here = (0..2).all(|i| offset_fits(bytes[i], at[i], SIZE[i]));
+        here && candidates(want.last).into_iter().any(|last| moved(now, last))
     })
 }
 
@@ -260,5 +266,59 @@ fn stray_bits_add_nothing() {
     assert!(dark == device.run(&theatre, &list));
     list.iter_mut().for_each(|e| e.lit = 3);
     assert!(dark != device.run(&theatre, &list));
+    support::assert_clean(&device.context);
+}
+
+/// A sky sample in this direction, seen.
+fn sky(direction: [f32; 3]) -> Entry {
+    let found = Found { instance: SKY_INSTANCE, primitive: shaders::HIT_SKY, u: 0.0, v: 0.0 };
+    Entry { sample: Sample { position: direction, instance: SKY_INSTANCE }, found, lit: 0 }
+}
+
+/// Offsets in 256ths of a pixel, and the motion.
+fn place_of(shaded: &Shaded) -> ([u32; 2], [f64; 2]) {
+    let bytes = [shaded.color_b_offset >> 16 & 0xff, shaded.color_b_offset >> 24];
+    (bytes, [half(shaded.motion), half(shaded.motion >> 16)])
+}
+
+/// The ray of a new sample may come back from its hit a rounding error outside the frame. It then belongs to the pixel at
+/// the border, and its motion is known: it is not that of the frame's corner.
+#[test]
+fn a_sample_past_the_border_is_at_it_and_moves_as_its_neighbours_do() {
+    let mut theatre = Theatre::new(SIZE);
+    let frame = &mut theatre.frame;
+    (frame.right, frame.up) = ([1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0]);
+    frame.forward = [0.0, 0.0, -1.0, 0.01];
+    // The camera has turned to the right, by a quarter of half the frame's width.
+    let turn = 0.25_f32.atan();
+    frame.previous_right = [turn.cos(), 0.0, -turn.sin(), 1.0];
+    frame.previous_forward = [-turn.sin(), 0.0, -turn.cos(), 0.01];
+    frame.previous_up = frame.up;
+    let device = Device::new();
+    let past = 1.0 + 4.0 * f32::EPSILON;
+    let places = [[-past, 0.0], [past, 0.0], [0.0, past], [0.0, -past], [-past, past], [0.9, 0.0], [3.0, 0.0]];
+    let list: Vec<Entry> = places.iter().map(|[x, y]| sky([*x, *y, -1.0])).collect();
+    let got = device.run(&theatre, &list);
+    let want = twins(&theatre, &list);
+    assert_eq!(problems(&got, &want).next(), None);
+    let offsets = [[0, 0], [255, 0], [0, 0], [0, 255], [0, 0]];
+    for ((shaded, [x, y]), offset) in got.iter().zip(places).zip(offsets) {
+        let (bytes, motion) = place_of(shaded);
+        assert_eq!(bytes, offset, "{x} {y}");
+        // The direction (x, y, -1) in the last frame's axes, projected; in pixels.
+        let [x, y, turn] = [x, y, turn].map(f64::from);
+        let depth = turn.cos() - x * turn.sin();
+        let last = [(x * turn.cos() + turn.sin()) / depth, y / depth];
+        let moved = [(x - last[0]) * 80.0, (last[1] - y) * 60.0];
+        // A half has 11 bits, and rounding may go either way; pixel coordinates of some 100 are off by 2^-17 at most.
+        let near = |i: usize| (motion[i] - moved[i]).abs() <= moved[i].abs() * 2f64.powi(-10) + 2f64.powi(-15);
+        assert!(near(0) && near(1), "{motion:?} {moved:?}");
+        assert!(motion[0] < -10.0, "{motion:?}");
+    }
+    // What was behind the camera has no motion that is known.
+    theatre.frame.previous_forward = [0.0, 0.0, 1.0, 0.01];
+    let behind = device.run(&theatre, &list);
+    assert!(behind.iter().all(|s| s.motion == MOTION_UNKNOWN));
+    assert_eq!(problems(&behind, &twins(&theatre, &list)).next(), None);
     support::assert_clean(&device.context);
 }

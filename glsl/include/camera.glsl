@@ -36,22 +36,28 @@ float dot_precise(vec3 a, vec3 b) {
     return sum;
 }
 
-// Projects a camera-relative point (or a direction, for the sky). False outside the frustum. The comparison precedes the
-// division, so that nothing is ever divided by zero: |x| < z tan implies z tan > 0.
-bool project(vec4 right, vec4 up, vec3 forward, uvec2 size, vec3 relative, out vec2 pixel) {
+// Projects a camera-relative point (or a direction, for the sky). False for what lies behind, or farther from the middle of
+// the frame than `reach` times its border. The comparison precedes the division, so that nothing is ever divided by zero:
+// |x| < z tan reach implies z tan > 0.
+bool project_within(vec4 right, vec4 up, vec3 forward, uvec2 size, vec3 relative, float reach, out vec2 pixel) {
     float x = dot_precise(right.xyz, relative);
     float y = dot_precise(up.xyz, relative);
     float z = dot_precise(forward, relative);
     precise float half_width = z * right.w;
     precise float half_height = z * up.w;
     pixel = vec2(0.0);
-    if (!(abs(x) < half_width && abs(y) < half_height)) {
+    if (!(abs(x) < half_width * reach && abs(y) < half_height * reach)) {
         return false;
     }
     precise float px = (x / half_width * 0.5 + 0.5) * float(size.x);
     precise float py = (0.5 - y / half_height * 0.5) * float(size.y);
     pixel = vec2(px, py);
     return true;
+}
+
+// As above; false outside the frustum.
+bool project(vec4 right, vec4 up, vec3 forward, uvec2 size, vec3 relative, out vec2 pixel) {
+    return project_within(right, up, forward, size, relative, 1.0, pixel);
 }
 
 // Direction through a point of the frame, of length 1 along the viewing direction.

@@ -22,6 +22,24 @@ vec3 shaded_color(Shaded s) {
     return vec3(unpackHalf2x16(s.color_rg), unpackHalf2x16(s.color_b_offset).x);
 }
 
+// The longer of two motions, as samples hold them: the first of equals, and an unknown one only if both are. Halves have 11
+// bits, so that the squares are exact and the sum is rounded once: every device chooses alike.
+uint longer_motion(uint first, uint second) {
+    if (first == MOTION_UNKNOWN || second == MOTION_UNKNOWN) {
+        return first == MOTION_UNKNOWN ? second : first;
+    }
+    vec2 a = unpackHalf2x16(first);
+    vec2 b = unpackHalf2x16(second);
+    precise float length_a = a.x * a.x + a.y * a.y;
+    precise float length_b = b.x * b.x + b.y * b.y;
+    return length_b > length_a ? second : first;
+}
+
+// The mean that an entry of the film stands for: scene-linear RGB; black where there is no sample.
+vec3 film_mean(vec4 sum) {
+    return sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
+}
+
 // Colour times weight, and the weight, of a sample in the pixel `away` from the one that is reconstructed.
 vec4 weighted_sample(Shaded s, vec2 away, int radius) {
     if (s.depth < 0.0) {

@@ -41,9 +41,11 @@ const uint HIT_SKY = 0xffffffffu;       // nothing hit
 struct Shaded {
     uint color_rg;        // two halves: scene-linear red and green
     uint color_b_offset;  // low half: blue; high half: two bytes, subpixel position x and y in 1/256 of a pixel
-    uint motion;          // two halves: pixels moved since the last frame
+    uint motion;          // two halves: pixels moved since the last frame; or MOTION_UNKNOWN
     float depth;          // distance from the camera in metres; infinity for the sky; negative: no sample
 };
+
+const uint MOTION_UNKNOWN = 0x7c007c00u;  // a sample that was behind the camera, or far outside the frame
 
 // Attributes of a vertex: 32 bytes.
 struct Vertex {

@@ -1,15 +1,15 @@
 //! Images besides colour, pixel by pixel. Twin of `glsl/aov.comp`.
 
 use super::camera::pixel_index;
-use crate::shaders::Shaded;
-use half::f16;
+use super::reconstruct::{longer_motion, motion_of};
+use crate::shaders::{MOTION_UNKNOWN, Shaded};
 
 /// What the images hold at one pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AovPixel {
     /// Metres to the nearest visible sample; infinity without one.
     pub depth: f32,
-    /// Motion in pixels of the visible sample that moved most; the first of equals.
+    /// Motion in pixels of the visible sample that moved most; the first of equals; 0 if unknown.
     pub motion: [f32; 2],
     /// Samples evicted, added and kept, then 1.
     pub density: [f32; 4],
@@ -37,19 +37,11 @@ pub fn aov(size: [u32; 2], offsets: &[u32], shaded: &[Shaded], cache: Option<Cac
 fn one(index: usize, offsets: &[u32], shaded: &[Shaded], cache: Option<Cache<'_>>) -> AovPixel {
     let slots = offsets[index] as usize..offsets[index + 1] as usize;
     let visible: Vec<usize> = slots.clone().filter(|slot| shaded[*slot].depth >= 0.0).collect();
-    let mut longest = [0.0_f32; 2];
-    for slot in &visible {
-        let packed = shaded[*slot].motion;
-        let moved = [packed, packed >> 16].map(|half| f16::from_bits(half as u16).to_f32());
-        let length2 = |v: [f32; 2]| f64::from(v[0]).powi(2) + f64::from(v[1]).powi(2);
-        if length2(moved) > length2(longest) {
-            longest = moved;
-        }
-    }
+    let longest = visible.iter().map(|slot| shaded[*slot].motion).fold(MOTION_UNKNOWN, longer_motion);
     let ages = cache.map_or(&[][..], |c| c.ages);
     AovPixel {
         depth: visible.iter().map(|slot| shaded[*slot].depth).fold(f32::INFINITY, f32::min),
-        motion: longest,
+        motion: if longest == MOTION_UNKNOWN { [0.0; 2] } else { motion_of(longest) },
         density: density(index, slots.len(), cache),
         age: visible.iter().filter_map(|slot| ages.get(*slot)).max().map_or(0.0, |age| *age as f32),
     }

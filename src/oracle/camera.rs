@@ -84,6 +84,11 @@ pub fn transform_bounded(rows: &[[f32; 4]; 3], p: [f32; 3]) -> [Bounded; 3] {
 
 /// [`project`] with its error bound: the known answer.
 pub fn project_bounded(frame: &Frame, p: [Bounded; 3]) -> Projection {
+    project_within(frame, p, 1.0)
+}
+
+/// As [`project_bounded`], up to `reach` times as far from the middle of the frame as its border.
+pub fn project_within(frame: &Frame, p: [Bounded; 3], reach: f32) -> Projection {
     let dot = |axis: [f32; 4]| {
         let a = axis.map(Bounded::exact);
         a[0] * p[0] + a[1] * p[1] + a[2] * p[2]
@@ -91,14 +96,15 @@ pub fn project_bounded(frame: &Frame, p: [Bounded; 3]) -> Projection {
     let (x, y, z) = (dot(frame.right), dot(frame.up), dot(frame.forward));
     let half_width = z * Bounded::exact(frame.right[3]);
     let half_height = z * Bounded::exact(frame.up[3]);
-    let outside = |a: Bounded, half: Bounded| half.value + half.error <= a.abs().value - a.error;
-    if outside(x, half_width) || outside(y, half_height) {
+    let [across, down] = [half_width, half_height].map(|half| half * Bounded::exact(reach));
+    let outside = |a: Bounded, most: Bounded| most.value + most.error <= a.abs().value - a.error;
+    if outside(x, across) || outside(y, down) {
         return Projection::Outside;
     }
     let half = Bounded::exact(0.5);
     let px = (x / half_width * half + half) * Bounded::exact(frame.size[0] as f32);
     let py = (half - y / half_height * half) * Bounded::exact(frame.size[1] as f32);
-    if x.abs().surely_below(&half_width) && y.abs().surely_below(&half_height) {
+    if x.abs().surely_below(&across) && y.abs().surely_below(&down) {
         Projection::Inside([px, py])
     } else {
         Projection::Border([px, py])

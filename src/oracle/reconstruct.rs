@@ -3,7 +3,7 @@
 
 use super::bounded::Bounded;
 use super::camera;
-use crate::shaders::{FRAME_RESET, Frame, Shaded};
+use crate::shaders::{FRAME_RESET, Frame, MOTION_UNKNOWN, Shaded};
 use half::f16;
 
 /// Blocks without a sample widen up to this radius in pixels; a pixel without any sample in it is black.
@@ -56,6 +56,20 @@ pub fn shaded_offset(sample: &Shaded) -> [Bounded; 2] {
 /// Scene-linear red, green and blue of a shaded sample.
 pub fn shaded_color(sample: &Shaded) -> [f32; 3] {
     [sample.color_rg, sample.color_rg >> 16, sample.color_b_offset].map(|bits| f16::from_bits(bits as u16).to_f32())
+}
+
+/// A motion in pixels, right and down, as a sample holds it.
+pub fn motion_of(packed: u32) -> [f32; 2] {
+    [packed, packed >> 16].map(|half| f16::from_bits(half as u16).to_f32())
+}
+
+/// The longer of two motions: the first of equals, and an unknown one only if both are. Exact.
+pub fn longer_motion(first: u32, second: u32) -> u32 {
+    if first == MOTION_UNKNOWN || second == MOTION_UNKNOWN {
+        return if first == MOTION_UNKNOWN { second } else { first };
+    }
+    let length2 = |packed: u32| motion_of(packed).map(|m| m * m).iter().sum::<f32>();
+    if length2(second) > length2(first) { second } else { first }
 }
 
 /// Colour times weight, and the weight, of a sample in the pixel `away` from the one that is reconstructed.

@@ -9,12 +9,15 @@ use super::brdf::{COSINE_MIN, Reflector};
 use super::light::light_at;
 use super::material::{Surface, surface_at};
 use crate::oracle::bounded::Bounded;
-use crate::oracle::camera::{Projection, project_bounded, transform_bounded};
+use crate::oracle::camera::{Projection, project_within, transform_bounded};
 use crate::oracle::stage::{Stage, U, normal_error};
 use crate::oracle::traverse::transform_point;
 use crate::shaders::{
     FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, OCCLUDED_BIT, SKY_INSTANCE, Sample,
 };
+
+/// Where samples are followed to, in distances from the middle of the frame to its border.
+pub const MOTION_REACH: f32 = 64.0;
 
 /// A visible sample, shaded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,9 +26,9 @@ pub struct Shading {
     pub radiance: DVec3,
     /// What a device's may differ by; infinite where it depends on a sign that rounding decides.
     pub error: DVec3,
-    /// Where it lies in this frame.
+    /// Where it lies in this frame, within [`MOTION_REACH`].
     pub place: Projection,
-    /// Where it lay in the last frame.
+    /// Where it lay in the last frame, within [`MOTION_REACH`].
     pub last: Projection,
     /// Distance from the camera in metres; infinite for the sky.
     pub depth: f64,
@@ -53,15 +56,16 @@ fn locate(stage: &Stage<'_>, sample: &Sample) -> (Projection, Projection, f64) {
     let position = sample.position;
     let before =
         Frame { right: frame.previous_right, up: frame.previous_up, forward: frame.previous_forward, ..*frame };
+    let project = |frame: &Frame, at: [Bounded; 3]| project_within(frame, at, MOTION_REACH);
     if id >= frame.instance_count {
         let at = position.map(Bounded::exact);
-        return (project_bounded(frame, at), project_bounded(&before, at), f64::INFINITY);
+        return (project(frame, at), project(&before, at), f64::INFINITY);
     }
     let instance = stage.instance(id);
     let now = transform_bounded(&instance.to_relative, position);
     let then = transform_bounded(&instance.previous, position);
     let depth = transform_point(&instance.to_relative, position.into()).as_dvec3().length();
-    (project_bounded(frame, now), project_bounded(&before, then), depth)
+    (project(frame, now), project(&before, then), depth)
 }
 
 /// Bounds on the directions that shading starts from, in radians.
