@@ -1,9 +1,11 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Paper 1, section 4.4: a 3 x 3 pixel truncated Gaussian over the shaded samples around each pixel.
-// Writes weighted sums (rgb) and the sum of weights (a), in row order; `resolve` divides.
+// Writes weighted sums (rgb) and the sum of weights (a), in row order; `resolve` divides. For temporal integration also the
+// longest motion of the samples that a pixel is made of (paper 1, section 4.4).
 //
 // variant accumulate: ACCUMULATE
+// variant motion: MOTION
 #include "camera.glsl"
 #include "filter.glsl"
 
@@ -16,9 +18,12 @@ layout(set = 0, binding = 3, std430) buffer Film { vec4 data[]; } film;
 #else
 layout(set = 0, binding = 3, std430) writeonly buffer Film { vec4 data[]; } film;
 #endif
+#ifdef MOTION
+layout(set = 0, binding = 4, std430) writeonly buffer Motion { uint data[]; } motion;
+#endif
 
 // The block of pixels up to `radius` around, with the Gaussian as wide as the block.
-vec4 gather_block(ivec2 pixel, int radius) {
+vec4 gather_block(ivec2 pixel, int radius, inout uint longest) {
     ivec2 low = max(pixel - radius, ivec2(0));
     ivec2 high = min(pixel + radius, ivec2(frame.data.size) - 1);
     vec4 sum = vec4(0.0);
@@ -27,7 +32,11 @@ vec4 gather_block(ivec2 pixel, int radius) {
             uint index = pixel_index(uvec2(x, y), frame.data.size);
             uint end = offsets.data[index + 1u];
             for (uint slot = offsets.data[index]; slot < end; ++slot) {
-                sum += weighted_sample(shaded.data[slot], vec2(ivec2(x, y) - pixel), radius);
+                Shaded s = shaded.data[slot];
+                sum += weighted_sample(s, vec2(ivec2(x, y) - pixel), radius);
+#ifdef MOTION
+                longest = s.depth < 0.0 ? longest : longer_motion(longest, s.motion);
+#endif
             }
         }
     }
@@ -40,13 +49,17 @@ void main() {
         return;
     }
     vec4 sum = vec4(0.0);
+    uint longest = MOTION_UNKNOWN;
     // Densities below 1/9 leave blocks empty: the filter widens until it finds a sample.
     for (int radius = 1; radius <= WIDEST_RADIUS && sum.a == 0.0; ++radius) {
-        sum = gather_block(ivec2(pixel), radius);
+        sum = gather_block(ivec2(pixel), radius, longest);
     }
     uint row_index = pixel.y * frame.data.size.x + pixel.x;
 #ifdef ACCUMULATE
     sum += (frame.data.flags & FRAME_RESET) != 0u ? vec4(0.0) : film.data[row_index];
 #endif
     film.data[row_index] = sum;
+#ifdef MOTION
+    motion.data[row_index] = longest;
+#endif
 }

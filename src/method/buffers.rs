@@ -4,7 +4,7 @@ use super::SLOTS;
 use super::storage::Storage;
 use crate::gpu::buffer::check_range;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Place, Range, Resource};
-use crate::phase::{AovResources, FrameResources};
+use crate::phase::{AovResources, FrameResources, HistoryResources};
 use crate::settings::{Aov, Settings};
 use crate::shaders::{Counters, Frame, Instance, Light};
 use crate::{Error, Result};
@@ -16,9 +16,10 @@ pub struct FrameBuffers {
     storage: Storage,
     size: [u32; 2],
     stable: bool,
-    /// Claims, found, lit, shaded and film: see [`super::storage`].
+    /// Claims, found, lit, shaded, film and motion: see [`super::storage`].
     shared: Buffer,
     film: Option<Buffer>,
+    histories: Vec<Buffer>,
     caches: Vec<Buffer>,
     ages: Vec<Buffer>,
     counters: Buffer,
@@ -64,6 +65,7 @@ impl FrameBuffers {
             stable: settings.method.keeps_samples(),
             shared: Buffer::new(context, "claims; then rays, shading, film", storage.shared, Place::Device)?,
             film: if storage.own_film { Some(make("film", storage.film)?) } else { None },
+            histories: many("history", storage.history, storage.histories)?,
             caches: many("sample caches", storage.samples, storage.caches)?,
             ages: many("sample ages", storage.ages, if storage.ages > 0 { storage.caches } else { 0 })?,
             counters: make("counters", size_of::<Counters>() as u64)?,
@@ -109,8 +111,27 @@ impl FrameBuffers {
             lit: shared("lit", s.found, s.lit),
             shaded: shared("shaded", s.shaded_offset, s.shaded),
             film: self.film.as_ref().map_or_else(|| shared("film", 0, s.film), |film| Range::whole("film", film)),
+            history: self.history_resources(slot),
             color: Resource::storage("color", &self.color),
             aovs: self.aov_resources(),
+        }
+    }
+
+    fn history_resources(&self, slot: usize) -> Option<HistoryResources> {
+        let s = &self.storage;
+        match &self.histories[..] {
+            [] => None,
+            [frames] => Some(HistoryResources::Frames(Range::whole("history", frames))),
+            pictures => Some(HistoryResources::Integrated {
+                motion: Range {
+                    name: "motion",
+                    offset: s.film,
+                    size: s.motion,
+                    ..Range::whole("motion", &self.shared)
+                },
+                previous: Range::whole("previous history", &pictures[SLOTS - 1 - slot]),
+                current: Range::whole("history", &pictures[slot]),
+            }),
         }
     }
 

@@ -31,7 +31,11 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     let aspect = f64::from(settings.size[0]) / f64::from(settings.size[1]);
     let [right, up, forward] = axes(&moment.view, aspect, settings.size[1]);
     let [previous_right, previous_up, previous_forward] = axes(&moment.previous, aspect, settings.size[1]);
-    let varies = settings.method == Method::Reference || (settings.method == Method::Supersample && settings.jitter);
+    let varies = match settings.method {
+        Method::Taa | Method::Reference => true,
+        Method::Supersample => settings.jitter,
+        Method::Stable | Method::StableTi => false,
+    };
     let variation = if varies { moment.frame + 1 } else { 0 };
     let mut flags = 0;
     if moment.reset {

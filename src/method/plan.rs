@@ -62,7 +62,10 @@ pub fn plan(
     passes.push(phase::shadow::pass(kit, f, s)?);
     passes.push(phase::shade::pass(kit, f, s)?);
     passes.push(phase::reconstruct::pass(kit, f, settings.method.accumulates())?);
-    passes.push(phase::resolve::pass(kit, f, settings.float_output)?);
+    passes.push(match &f.history {
+        Some(history) => phase::temporal::pass(kit, f, history, settings)?,
+        None => phase::resolve::pass(kit, f, settings.float_output)?,
+    });
     if let Some(images) = &f.aovs {
         passes.push(phase::aov::pass(kit, f, images, stable)?);
     }

@@ -11,14 +11,16 @@
 //! lit                                              ========
 //! shaded                                                 ===============
 //! film                                                         ==============
+//! motion                                                       ==============
+//! history                                                                =============  (in turn)
 //! ```
 //!
-//! So `found`, `lit` and `shaded` live where the claims were, and the film where `found` and `lit` were (but for
-//! `reference`, whose film is carried from frame to frame).
+//! So `found`, `lit` and `shaded` live where the claims were, and film and motion where `found` and `lit` were (but for
+//! `reference`, whose film is carried from frame to frame). `temporal`, where there is one, is in the place of `resolve`.
 
 use crate::Result;
 use crate::gpu::buffer::within;
-use crate::settings::{Aov, Settings};
+use crate::settings::{Aov, Precision, Settings, Temporal};
 use crate::shaders::{Found, Sample, Shaded};
 
 /// Sizes in bytes of everything that belongs to a renderer.
@@ -54,9 +56,15 @@ pub struct Storage {
     pub shaded: u64,
     /// Weighted sums of the reconstruction.
     pub film: u64,
+    /// Longest motion of each pixel, behind the film; 0 if frames are not integrated.
+    pub motion: u64,
+    /// One picture of the frames before, or for the box filter all of them; 0 if none is kept.
+    pub history: u64,
+    /// Pictures that are kept apart: two that alternate, or one.
+    pub histories: u64,
     /// Where `shaded` begins in the shared memory.
     pub shaded_offset: u64,
-    /// Bytes shared by claims, found, lit, shaded and film.
+    /// Bytes shared by claims, found, lit, shaded, film and motion.
     pub shared: u64,
     /// Whether the film has memory of its own.
     pub own_film: bool,
@@ -77,8 +85,9 @@ impl Storage {
         let lit = (capacity * 4).next_multiple_of(ALIGNMENT);
         let shaded = (capacity * size_of::<Shaded>() as u64).next_multiple_of(ALIGNMENT);
         let film = (pixels * 16).next_multiple_of(ALIGNMENT);
+        let (motion, history, histories) = history(settings, pixels);
         let claims = if stable { pixels * 64 } else { 0 };
-        let shaded_offset = (found + lit).max(if own_film { 0 } else { film });
+        let shaded_offset = (found + lit).max(if own_film { 0 } else { film + motion });
         Self {
             pixels,
             tiles,
@@ -95,6 +104,9 @@ impl Storage {
             lit,
             shaded,
             film,
+            motion,
+            history,
+            histories,
             shaded_offset,
             shared: claims.max(shaded_offset + shaded),
             own_film,
@@ -117,10 +129,24 @@ impl Storage {
             ("the shaded samples", self.shaded),
             ("the film", self.film),
             ("the sample ages", self.ages),
+            ("the history", self.history),
             ("the pixels' offsets", self.offsets),
             ("the pixels' masks", self.masks),
         ];
         bound.into_iter().try_for_each(|(what, size)| within("maxStorageBufferRange", limit, what, size, advice))
+    }
+}
+
+/// Bytes of the motions, bytes of a picture that is kept, and how many of those there are.
+fn history(settings: &Settings, pixels: u64) -> (u64, u64, u64) {
+    let texel = |float: bool| if float { 16 } else { 8 };
+    match settings.temporal() {
+        Temporal::None => (0, 0, 0),
+        Temporal::Integrate => {
+            let picture = pixels * texel(settings.history.precision == Precision::Float);
+            ((pixels * 4).next_multiple_of(ALIGNMENT), picture, 2)
+        }
+        Temporal::Box => (0, pixels * texel(settings.float_output) * u64::from(settings.box_frames - 1), 1),
     }
 }
 

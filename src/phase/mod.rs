@@ -11,8 +11,9 @@
 //! | [`retain`] | 4.3 | pixel | found | found, samples |
 //! | [`shadow`] | 4.3 | sample | found, geometry, lights | lit |
 //! | [`shade`] | 4.3 | sample | found, lit, materials, lights | shaded |
-//! | [`reconstruct`] | 4.4 | pixel | shaded, offsets | film |
+//! | [`reconstruct`] | 4.4 | pixel | shaded, offsets | film, motion |
 //! | [`resolve`] | | pixel | film | colour image |
+//! | [`temporal`], instead of `resolve` | 6 | pixel | film, motion, last picture | colour image, picture |
 //! | [`aov`] | figure 4 | pixel | shaded, masks, plan | images |
 
 pub mod analyze;
@@ -25,6 +26,7 @@ pub mod resolve;
 pub mod retain;
 pub mod shade;
 pub mod shadow;
+pub mod temporal;
 pub mod verify;
 
 use crate::Result;
@@ -116,10 +118,28 @@ pub struct FrameResources {
     pub shaded: Range,
     /// Four floats a pixel.
     pub film: Range,
+    /// What is kept of the frames before, if anything.
+    pub history: Option<HistoryResources>,
     /// The frame.
     pub color: Resource,
     /// Images of [`crate::renderer::Aov`], if any is asked for.
     pub aovs: Option<AovResources>,
+}
+
+/// What is kept of pictures from frame to frame.
+#[derive(Debug, Clone, Copy)]
+pub enum HistoryResources {
+    /// For [`crate::settings::Temporal::Integrate`].
+    Integrated {
+        /// Two halves a pixel, pixels moved since the last frame; or [`crate::shaders::MOTION_UNKNOWN`].
+        motion: Range,
+        /// The last frame's picture in YCoCg: three halves and a gap a pixel, or floats.
+        previous: Range,
+        /// This frame's. The two swap roles.
+        current: Range,
+    },
+    /// For [`crate::settings::Temporal::Box`]: the last frames of each pixel in RGB, the youngest first.
+    Frames(Range),
 }
 
 /// One image an AOV.

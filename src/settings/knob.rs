@@ -3,7 +3,7 @@
 //! A knob registers itself by being in [`KNOBS`]. Nothing else has to know of it: the range check, the settings file, the
 //! command line, the reports and the search for good trades go through the table.
 
-use super::{Method, Settings};
+use super::{HistoryFilter, Method, Precision, Settings, Temporal};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -103,6 +103,14 @@ fn fresh(method: Method) -> bool {
     !method.keeps_samples()
 }
 
+fn integrated(method: Method) -> bool {
+    method.temporal() == Temporal::Integrate
+}
+
+fn averaged(method: Method) -> bool {
+    method.temporal() == Temporal::Box
+}
+
 use Value::{Choice, Count, Number, Switch};
 
 /// All knobs, in the order of the settings file.
@@ -112,7 +120,8 @@ pub static KNOBS: &[Knob] = &[
         about: "what is rendered with",
         unit: "",
         trades: "stable: steadier frames for the time of reprojection; supersample: nothing is kept from frame to frame; \
-                 reference: converges, for any time",
+                 taa, stable+ti: the same, integrated over time, which is steadier and blurs; reference: converges, for \
+                 any time",
         domain: Domain::Choice {
             names: || Method::ALL.iter().map(|m| m.name()).collect(),
             get: |s| Method::ALL.iter().position(|m| *m == s.method).unwrap_or_default(),
@@ -120,7 +129,7 @@ pub static KNOBS: &[Knob] = &[
         },
         applies: any,
         rays: true,
-        ladder: &[Choice("stable"), Choice("supersample")],
+        ladder: &[Choice("stable"), Choice("stable+ti"), Choice("taa"), Choice("supersample")],
     },
     Knob {
         name: "density",
@@ -162,6 +171,64 @@ pub static KNOBS: &[Knob] = &[
         applies: |method| method == Method::Supersample,
         rays: false,
         ladder: &[Switch(false), Switch(true)],
+    },
+    Knob {
+        name: "history.alpha",
+        about: "weight of the new frame in temporal integration",
+        unit: "1",
+        trades: "less: steadier, but blurred, and slower to follow what changes; 1: no integration",
+        domain: Domain::Number { min: 0.01, max: 1.0, at: |s| &mut s.history.alpha },
+        applies: integrated,
+        rays: false,
+        ladder: &[Number(0.05), Number(0.1), Number(0.15), Number(0.25), Number(0.4)],
+    },
+    Knob {
+        name: "history.clamp",
+        about: "how far the history may be from the mean of the 3 x 3 pixels around; 16 does not clamp",
+        unit: "standard deviations",
+        trades: "more: steadier and sharper, with ghosts of what was there before",
+        domain: Domain::Number { min: 0.0, max: 16.0, at: |s| &mut s.history.clamp },
+        applies: integrated,
+        rays: false,
+        ladder: &[Number(0.75), Number(1.0), Number(1.5), Number(2.0), Number(16.0)],
+    },
+    Knob {
+        name: "history.filter",
+        about: "how the history is read between its pixels",
+        unit: "",
+        trades: "catmull-rom: less blur for 16 reads a pixel instead of 4",
+        domain: Domain::Choice {
+            names: || HistoryFilter::ALL.map(HistoryFilter::name).to_vec(),
+            get: |s| HistoryFilter::ALL.iter().position(|f| *f == s.history.filter).unwrap_or_default(),
+            set: |s, i| s.history.filter = HistoryFilter::ALL.get(i).copied().unwrap_or(s.history.filter),
+        },
+        applies: integrated,
+        rays: false,
+        ladder: &[Choice("bilinear"), Choice("catmull-rom")],
+    },
+    Knob {
+        name: "history.precision",
+        about: "what the history is stored in: 16-bit or 32-bit floats",
+        unit: "",
+        trades: "float: a still picture comes nearer to the mean of its frames than 2^-12 / alpha, for 16 bytes a pixel more",
+        domain: Domain::Choice {
+            names: || Precision::ALL.map(Precision::name).to_vec(),
+            get: |s| Precision::ALL.iter().position(|p| *p == s.history.precision).unwrap_or_default(),
+            set: |s, i| s.history.precision = Precision::ALL.get(i).copied().unwrap_or(s.history.precision),
+        },
+        applies: integrated,
+        rays: false,
+        ladder: &[Choice("half"), Choice("float")],
+    },
+    Knob {
+        name: "box_frames",
+        about: "frames that are averaged, this one included, each pixel for itself",
+        unit: "frames",
+        trades: "more: steadier, but what moves is blurred along its motion",
+        domain: Domain::Count { min: 1, max: 3, at: |s| &mut s.box_frames },
+        applies: averaged,
+        rays: false,
+        ladder: &[Count(1), Count(2), Count(3)],
     },
     Knob {
         name: "float_output",

@@ -16,14 +16,18 @@ pub struct Settings {
     pub method: Method,
     /// Width and height in pixels, each at least 1.
     pub size: [u32; 2],
-    /// `stable`: samples a pixel to aim at, 0.0625 to 16.
+    /// `stable`, `stable+ti`: samples a pixel to aim at, 0.0625 to 16.
     pub density: f32,
-    /// `stable`: deviation from `density` that is tolerated before samples are added or evicted, 0.0625 to 16.
+    /// `stable`, `stable+ti`: deviation from `density` that is tolerated before samples are added or evicted, 0.0625 to 16.
     pub tolerance: f32,
-    /// `supersample` and `reference`: stratified samples a pixel and frame, 1 to 16.
+    /// `supersample`, `taa` and `reference`: stratified samples a pixel and frame, 1 to 16.
     pub spp: u32,
     /// `supersample`: new sample positions each frame, instead of the same ones.
     pub jitter: bool,
+    /// `taa` and `stable+ti`: how the frames before are integrated.
+    pub history: History,
+    /// All but `taa`, `stable+ti` and `reference`: frames that are averaged, this one included, 1 to 3 (paper 3).
+    pub box_frames: u32,
     /// Seeds all random choices.
     pub seed: u32,
     /// 32-bit float output instead of 16-bit.
@@ -41,6 +45,8 @@ impl Default for Settings {
             tolerance: 1.0,
             spp: 1,
             jitter: false,
+            history: History::default(),
+            box_frames: 1,
             seed: 0,
             float_output: false,
             aovs: Vec::new(),
@@ -52,7 +58,17 @@ impl Settings {
     /// The defaults of a method: those of all, but for what the method's own paper or purpose says otherwise.
     pub fn of(method: Method) -> Self {
         let spp = if method.accumulates() { 16 } else { 1 };
-        Self { method, spp, ..Self::default() }
+        // Paper 1, section 6: stable samples need less integration.
+        let alpha = if method == Method::StableTi { 0.25 } else { 0.1 };
+        Self { method, spp, history: History { alpha, ..History::default() }, ..Self::default() }
+    }
+
+    /// What is made of the frames before, if anything.
+    pub fn temporal(&self) -> Temporal {
+        match self.method.temporal() {
+            Temporal::Box if self.box_frames < 2 => Temporal::None,
+            other => other,
+        }
     }
 
     /// Changes the method. Knobs that are at the old method's defaults go to those of the new one.
@@ -84,8 +100,88 @@ pub enum Method {
     Stable,
     /// `spp` stratified samples a pixel, traced anew each frame.
     Supersample,
+    /// As `Supersample`, jittered in each frame and integrated over time: temporal antialiasing (paper 1, section 6).
+    Taa,
+    /// As `Stable`, integrated over time (paper 1, sections 4.4 and 6).
+    #[serde(rename = "stable+ti")]
+    StableTi,
     /// As `Supersample`, jittered and accumulated over all frames since the last reset.
     Reference,
+}
+
+/// What is made of the frames before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Temporal {
+    /// Nothing.
+    None,
+    /// The last picture is followed along the motion, clamped to what the new one shows around a pixel, and blended with it
+    /// ([`History`]).
+    Integrate,
+    /// The last [`Settings::box_frames`] frames are averaged, each pixel for itself (paper 3).
+    Box,
+}
+
+/// Temporal integration: Karis (2014), clamped as by Patney et al. (2016).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct History {
+    /// 0.01 to 1: weight of the new frame; 1 keeps nothing of those before.
+    pub alpha: f32,
+    /// 0 to 16 standard deviations: how far the history may be from the mean of the 3 × 3 pixels around; 16 does not clamp.
+    pub clamp: f32,
+    /// How the history is read between its pixels.
+    pub filter: HistoryFilter,
+    /// What the history is stored in.
+    pub precision: Precision,
+}
+
+impl Default for History {
+    fn default() -> Self {
+        Self { alpha: 0.1, clamp: 1.0, filter: HistoryFilter::CatmullRom, precision: Precision::Half }
+    }
+}
+
+/// How an image is read between its pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HistoryFilter {
+    /// 2 × 2 pixels.
+    Bilinear,
+    /// 4 × 4 pixels, which blurs less; never beyond their range.
+    CatmullRom,
+}
+
+impl HistoryFilter {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Bilinear, Self::CatmullRom];
+
+    /// As the settings file spells it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Bilinear => "bilinear",
+            Self::CatmullRom => "catmull-rom",
+        }
+    }
+}
+
+/// What colours are stored in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// 16-bit floats: 11 bits, at most 65504.
+    Half,
+    /// 32-bit floats.
+    Float,
+}
+
+impl Precision {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Half, Self::Float];
+
+    /// As the settings file spells it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Half => "half",
+            Self::Float => "float",
+        }
+    }
 }
 
 /// Where the samples of a frame come from.
@@ -99,13 +195,15 @@ pub enum Sampling {
 
 impl Method {
     /// All of them.
-    pub const ALL: &[Self] = &[Self::Stable, Self::Supersample, Self::Reference];
+    pub const ALL: &[Self] = &[Self::Stable, Self::Supersample, Self::Taa, Self::StableTi, Self::Reference];
 
     /// As the command line and the settings file spell it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Stable => "stable",
             Self::Supersample => "supersample",
+            Self::Taa => "taa",
+            Self::StableTi => "stable+ti",
             Self::Reference => "reference",
         }
     }
@@ -113,8 +211,17 @@ impl Method {
     /// Where its samples come from.
     pub const fn sampling(self) -> Sampling {
         match self {
-            Self::Stable => Sampling::Reprojected,
-            Self::Supersample | Self::Reference => Sampling::Fresh,
+            Self::Stable | Self::StableTi => Sampling::Reprojected,
+            Self::Supersample | Self::Taa | Self::Reference => Sampling::Fresh,
+        }
+    }
+
+    /// What it makes of the frames before.
+    pub const fn temporal(self) -> Temporal {
+        match self {
+            Self::Taa | Self::StableTi => Temporal::Integrate,
+            Self::Stable | Self::Supersample => Temporal::Box,
+            Self::Reference => Temporal::None,
         }
     }
 
