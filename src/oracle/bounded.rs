@@ -1,8 +1,8 @@
 //! Running error analysis: the exact result of a computation, and how far a device's f32 result may be from it.
 //!
 //! The rounding errors are those that Vulkan allows (specification, "Precision and Operation of SPIR-V Instructions"):
-//! addition and multiplication are correctly rounded, division is off by up to 2.5 ulp, exp by 3 + 2|x| ulp, and
-//! results below the smallest normal number may become zero.
+//! addition and multiplication are correctly rounded, division is off by up to 2.5 ulp, an inverse square root by 2 ulp, exp
+//! by 3 + 2|x| ulp, and results below the smallest normal number may become zero.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -41,6 +41,24 @@ impl Bounded {
     /// Its magnitude; taking it rounds nothing.
     pub fn abs(self) -> Self {
         Self { value: self.value.abs(), ..self }
+    }
+
+    /// The larger of two; choosing rounds nothing.
+    pub fn max(self, other: Self) -> Self {
+        Self { value: self.value.max(other.value), error: self.error.max(other.error) }
+    }
+
+    /// The smaller of two.
+    pub fn min(self, other: Self) -> Self {
+        -(-self).max(-other)
+    }
+
+    /// The square root of what is not negative; a device has it from a division by an inverse root.
+    pub fn sqrt(self) -> Self {
+        let root = |x: f64| x.max(0.0).sqrt();
+        let value = root(self.value);
+        let carried = (root(self.value + self.error) - value).max(value - root(self.value - self.error));
+        Self::rounded(value, carried, 4.5)
     }
 
     /// Whether a device's value is as near as it has to be.
@@ -108,6 +126,8 @@ mod tests {
             prop_assert!((x * y + y / z - x).allows(a * b + b / c - a));
             prop_assert!((x * y * y / z).allows(a * b * b / c));
             prop_assert!((-x.abs() / z).exp().allows((-a.abs() / c).exp()));
+            prop_assert!((x * x + z).sqrt().allows((a * a + c).sqrt()));
+            prop_assert!((x * y).max(y + z).min(x).allows((a * b).max(b + c).min(a)));
         }
     }
 
@@ -118,5 +138,10 @@ mod tests {
         // 2.5 ulp of a third are 2.5 x 2^-25, and the bound takes an ulp at 2^-23 times the value: less than 4 ulp.
         assert!(!third.allows(1.0 / 3.0 + 4.0 * 2.0_f32.powi(-25)));
         assert!((Bounded::exact(1.0) / (third - third)).error.is_infinite());
+        // 4.5 ulp of 4/3 are 4.5 x 2^-23, of which the bound takes 4/3.
+        let root = (third + Bounded::exact(1.0)).sqrt();
+        assert!(root.allows((4.0_f32 / 3.0).sqrt()) && !root.allows((4.0_f32 / 3.0).sqrt() + 9.0 * 2.0_f32.powi(-23)));
+        assert_eq!(third.min(Bounded::exact(0.5)).value, third.value);
+        assert_eq!(third.max(Bounded::exact(0.5)).value, 0.5);
     }
 }

@@ -13,6 +13,7 @@ pub mod scan;
 pub mod shade;
 pub mod shadow;
 pub mod stage;
+pub mod temporal;
 pub mod traverse;
 pub mod triangle;
 pub mod verify;
