@@ -13,8 +13,8 @@ use stillray::gpu::submit::Submitter;
 use stillray::gpu::{Buffer, Context, Image, ImageDesc, Place};
 use stillray::oracle::bounded::Bounded;
 use stillray::oracle::camera::{pixel_index, pixels_in_order};
-use stillray::oracle::reconstruct::{WIDEST_RADIUS, reconstruct, resolve};
-use stillray::shaders::{self, FRAME_RESET, Frame, Shaded};
+use stillray::oracle::reconstruct::{WIDEST_RADIUS, motions, reconstruct, resolve};
+use stillray::shaders::{self, FRAME_RESET, Frame, MOTION_UNKNOWN, Shaded};
 use support::kernel::{Bound, Kernel, blank, data, values};
 use support::random::{Random, SIZES};
 
@@ -121,6 +121,71 @@ fn the_film_accumulates_until_it_is_reset() {
         let nan = vec![[f32::NAN; 4]; film.len()];
         compare(&inputs.run(&kernel, data(&nan)), &inputs.twin(None)).unwrap();
     }
+    support::assert_clean(&context);
+}
+
+/// Any motion, of halves of a quarter pixel so that there are ties, and unknown ones.
+fn random_motion(random: &mut Random) -> u32 {
+    let mut step = || u32::from(f16::from_f32((random.below(33) as f32 - 16.0) * 0.25).to_bits());
+    let moved = step() | step() << 16;
+    if random.chance(0.1) { MOTION_UNKNOWN } else { moved }
+}
+
+#[test]
+fn motions_are_the_twins() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reconstruct_motion::SHADER);
+    let plain = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
+        let mut inputs = Inputs::random(seed as u32, size);
+        let random = &mut Random::new(seed as u32);
+        inputs.shaded.iter_mut().for_each(|s| s.motion = random_motion(random));
+        let pixels = inputs.offsets.len() - 1;
+        let film = blank::<[f32; 4]>(pixels);
+        let mut bound =
+            [data(&[inputs.frame]), data(&inputs.offsets), data(&inputs.shaded), film, blank::<u32>(pixels)];
+        kernel.run(&mut bound, &[], [size[0], size[1], 1]);
+        let twin = |inputs: &Inputs| motions(&inputs.frame, &inputs.offsets, &inputs.shaded);
+        let got: Vec<u32> = values(&bound[4]);
+        assert_eq!(got, twin(&inputs), "{size:?}");
+        compare(&values::<[f32; 4]>(&bound[3]), &inputs.twin(None)).unwrap();
+        assert_eq!(values::<[f32; 4]>(&bound[3]), inputs.on_device(&plain), "the film is the same");
+        // Negative control: one sample that moved farther than all others.
+        if let Some(index) = inputs.shaded.iter().position(|s| s.depth >= 0.0) {
+            inputs.shaded[index].motion = u32::from(f16::from_f32(9.0).to_bits());
+            assert_ne!(got, twin(&inputs));
+        }
+    }
+    support::assert_clean(&context);
+}
+
+#[test]
+fn a_motion_is_that_of_the_pixels_own_samples_or_else_of_those_around() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reconstruct_motion::SHADER);
+    let moving = |x: f32, depth: f32| Shaded {
+        motion: u32::from(f16::from_f32(x).to_bits()),
+        ..shaded([1.0; 3], [128, 128], depth)
+    };
+    let unknown = Shaded { motion: MOTION_UNKNOWN, ..shaded([1.0; 3], [128, 128], 1.0) };
+    // Slow and slower; fast but not visible; none; unknown; fast.
+    let row = [
+        vec![moving(1.0, 1.0), moving(-2.0, 1.0)],
+        vec![moving(8.0, -1.0)],
+        vec![],
+        vec![unknown],
+        vec![moving(4.0, 1.0)],
+    ];
+    let inputs = Inputs::new([16, 1], |[x, _]| row.get(x as usize).cloned().unwrap_or_default());
+    let mut bound =
+        [data(&[inputs.frame]), data(&inputs.offsets), data(&inputs.shaded), blank::<[f32; 4]>(16), blank::<u32>(16)];
+    kernel.run(&mut bound, &[], [16, 1, 1]);
+    let got: Vec<u32> = values(&bound[4]);
+    let of = |x: f32| u32::from(f16::from_f32(x).to_bits());
+    // The third finds only the unknown one in its 3 x 3 pixels; the fourth looks beyond its own; from five pixels on, blocks
+    // as wide as that reach the last.
+    assert_eq!(got[..6], [of(-2.0), of(-2.0), MOTION_UNKNOWN, of(4.0), of(4.0), of(4.0)]);
+    assert_eq!((got[12], got[13]), (of(4.0), MOTION_UNKNOWN), "eight pixels away, and nine");
     support::assert_clean(&context);
 }
 

@@ -31,20 +31,45 @@ pub fn reconstruct(frame: &Frame, offsets: &[u32], shaded: &[Shaded], film: Opti
     out
 }
 
+/// For temporal integration, the longest known motion of each pixel in row order: of its own visible samples, else of those in
+/// the first block that has any. Exact.
+pub fn motions(frame: &Frame, offsets: &[u32], shaded: &[Shaded]) -> Vec<u32> {
+    let pixels = (0..i64::from(frame.size[1])).flat_map(|y| (0..i64::from(frame.size[0])).map(move |x| [x, y]));
+    let one = |pixel: [i64; 2]| {
+        let reach = |radius| samples(frame, offsets, shaded, pixel, radius).filter(|(s, _)| s.depth >= 0.0);
+        let longest = |radius| reach(radius).map(|(s, _)| s.motion).fold(MOTION_UNKNOWN, longer_motion);
+        let inside = longest(0);
+        let around =
+            || (1..=WIDEST_RADIUS).find(|radius| reach(*radius).next().is_some()).map_or(MOTION_UNKNOWN, longest);
+        if inside == MOTION_UNKNOWN { around() } else { inside }
+    };
+    pixels.map(one).collect()
+}
+
 /// Sums over the pixels up to `radius` around one, clipped to the frame.
-fn block(frame: &Frame, offsets: &[u32], shaded: &[Shaded], [px, py]: [i64; 2], radius: i64) -> [Bounded; 4] {
+fn block(frame: &Frame, offsets: &[u32], shaded: &[Shaded], pixel: [i64; 2], radius: i64) -> [Bounded; 4] {
+    samples(frame, offsets, shaded, pixel, radius).fold([Bounded::default(); 4], |sum, (sample, away)| {
+        let weighted = weighted_sample(sample, away, radius);
+        [0, 1, 2, 3].map(|i| sum[i] + weighted[i])
+    })
+}
+
+/// The samples of the pixels up to `radius` around one, and how far away those pixels are.
+fn samples<'a>(
+    frame: &Frame,
+    offsets: &[u32],
+    shaded: &'a [Shaded],
+    [px, py]: [i64; 2],
+    radius: i64,
+) -> impl Iterator<Item = (&'a Shaded, [f32; 2])> {
     let [width, height] = frame.size.map(i64::from);
-    let mut sum = [Bounded::default(); 4];
-    for y in (py - radius).max(0)..=(py + radius).min(height - 1) {
-        for x in (px - radius).max(0)..=(px + radius).min(width - 1) {
-            let index = camera::pixel_index([x as u32, y as u32], frame.size);
-            for sample in &shaded[offsets[index] as usize..offsets[index + 1] as usize] {
-                let weighted = weighted_sample(sample, [(x - px) as f32, (y - py) as f32], radius);
-                sum = [0, 1, 2, 3].map(|i| sum[i] + weighted[i]);
-            }
-        }
-    }
-    sum
+    let rows = (py - radius).max(0)..=(py + radius).min(height - 1);
+    let columns = (px - radius).max(0)..=(px + radius).min(width - 1);
+    rows.flat_map(move |y| columns.clone().map(move |x| [x, y])).flat_map(move |[x, y]| {
+        let index = camera::pixel_index([x as u32, y as u32], frame.size);
+        let away = [(x - px) as f32, (y - py) as f32];
+        shaded[offsets[index] as usize..offsets[index + 1] as usize].iter().map(move |sample| (sample, away))
+    })
 }
 
 /// Position of a shaded sample in its pixel, in (0, 1).
