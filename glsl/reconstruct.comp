@@ -5,7 +5,7 @@
 //
 // For temporal integration also the motion of the sample that moved most (paper 1, section 4.4): of those in the pixel, and only
 // where none is known there, of all that the filter reaches. To take the longest of all everywhere lets what moves fast carry
-// away the history of what it passes by: on the hairball seen from an orbit, that costs a fifth of the error.
+// away the history of what it passes by: on the hairball seen from an orbit, that makes a sixth more error.
 //
 // variant accumulate: ACCUMULATE
 // variant motion: MOTION

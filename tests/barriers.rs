@@ -248,6 +248,41 @@ fn the_layer_notices_dropped_barriers_of_supersample_and_reference() {
     }
 }
 
+#[test]
+fn the_layer_notices_dropped_barriers_of_integrated_and_averaged_frames() {
+    let scene = load("builtin:cornell");
+    let small = |method| Settings { size: [16, 16], ..Settings::of(method) };
+    for settings in [
+        Settings { aovs: vec![Aov::Motion], ..small(Method::StableTi) },
+        small(Method::Taa),
+        Settings { box_frames: 3, ..small(Method::Supersample) },
+    ] {
+        drop_each(&scene, &settings);
+    }
+}
+
+/// The picture of a frame is the next one's history, and its own place is that of the picture before the last: the first
+/// barrier of a frame orders both.
+#[test]
+fn a_frame_waits_for_the_history_of_the_last() {
+    let context = support::validated_context();
+    let scene = load("builtin:cornell");
+    for (method, names) in [(Method::StableTi, ["previous history", "history"]), (Method::Stable, ["history"; 2])] {
+        let settings = Settings { size: [16, 16], box_frames: 2, ..Settings::of(method) };
+        let renderer = Renderer::new(&context, &scene, &settings).unwrap();
+        assert!(hazards(&two_frames(renderer.plans(), None)).is_empty());
+        // Nothing else orders the two: all barriers of the second frame left out.
+        let mut steps = two_frames(renderer.plans(), None);
+        let second = renderer.plans()[0].passes.len();
+        steps[second..].iter_mut().for_each(|step| step.barrier = None);
+        let across = hazards(&steps);
+        let seen =
+            |name: &str| across.iter().any(|h| h.what == name && (h.earlier, h.later) == ("temporal", "temporal"));
+        assert!(names.iter().all(|name| seen(name)), "{across:?}");
+    }
+    support::assert_clean(&context);
+}
+
 // --- The function that places them ---
 
 /// Bytes `offset..offset + size` of a buffer that exists in name only.

@@ -126,16 +126,22 @@ fn settings_from_a_file_an_option_and_an_assignment_are_the_same_settings() {
 fn every_method_renders_the_same_light() {
     let dir = tempfile::tempdir().unwrap();
     let mean = |options: &str| {
-        run(dir.path(), &format!("render builtin:cornell --size 32x32 --format exr --quiet --out o {options}"));
-        let exr = Exr::read(&dir.path().join("o/frame_0000.exr")).unwrap();
+        let out = tempfile::tempdir_in(dir.path()).unwrap();
+        let target = out.path().display();
+        run(dir.path(), &format!("render builtin:cornell --size 32x32 --format exr --quiet --out {target} {options}"));
+        let exr = Exr::read(&out.path().join(names(out.path()).pop().unwrap())).unwrap();
         let green = exr.channel("G").unwrap();
         f64::from(green.iter().sum::<f32>()) / green.len() as f64
     };
     let reference = mean("--method reference --passes 8");
     assert!(reference > 0.01, "{reference}");
-    for options in
-        ["--method stable --density 4", "--method supersample --spp 4", "--method supersample --spp 4 --jitter"]
-    {
+    for options in [
+        "--method stable --density 4",
+        "--method stable+ti --density 4 --frames 4",
+        "--method supersample --spp 4",
+        "--method supersample --spp 4 --jitter",
+        "--method taa --spp 4 --frames 4",
+    ] {
         let ratio = mean(options) / reference;
         // A wrong camera, exposure or filter shows at once; how exact the mean is, other tests tell.
         assert!((0.9..1.1).contains(&ratio), "{options}: {ratio}");
@@ -147,11 +153,12 @@ fn bench_prints_and_writes_what_it_promises() {
     let dir = tempfile::tempdir().unwrap();
     let output = run(
         dir.path(),
-        "bench builtin:cornell --size 48x32 --frames 2 --warmup 1 --methods stable:1,supersample:1,supersample:2 \
+        "bench builtin:cornell --size 48x32 --frames 2 --warmup 1 --methods stable:1,supersample:1,supersample:2,taa:1,stable+ti:2 \
          --json b.json",
     );
     let text = String::from_utf8(output.stdout).unwrap();
-    for word in ["reproject", "reconstruct", "total", "supersample:2", "x supersample at equal camera rays"] {
+    for word in ["reproject", "reconstruct", "temporal", "total", "supersample:2", "x supersample at equal camera rays"]
+    {
         assert!(text.contains(word), "no {word} in\n{text}");
     }
     let report = json(&dir.path().join("b.json"));
@@ -160,8 +167,17 @@ fn bench_prints_and_writes_what_it_promises() {
     let methods = report["methods"].as_array().unwrap();
     assert_eq!(
         methods.iter().map(|m| m["name"].as_str().unwrap()).collect::<Vec<_>>(),
-        ["stable:1", "supersample:1", "supersample:2"]
+        ["stable:1", "supersample:1", "supersample:2", "taa:1", "stable+ti:2"]
     );
+    let phases = |i: usize| -> Vec<&str> {
+        methods[i]["phases"].as_array().unwrap().iter().map(|p| p["label"].as_str().unwrap()).collect()
+    };
+    for (i, integrated) in [false, false, false, true, true].into_iter().enumerate() {
+        assert_eq!(phases(i).contains(&"temporal"), integrated, "{:?}", phases(i));
+        assert_eq!(phases(i).contains(&"resolve"), !integrated, "{:?}", phases(i));
+    }
+    assert_eq!(methods[3]["kind"], "taa");
+    assert_eq!((&methods[4]["kind"], &methods[4]["knobs"]["history.alpha"]), (&"stable+ti".into(), &0.25.into()));
     for method in methods {
         let ms = &method["phases"][0]["ms"];
         assert!(ms["min"].as_f64() <= ms["median"].as_f64() && ms["median"].as_f64() <= ms["p95"].as_f64());

@@ -48,6 +48,16 @@ fn runs_with_any_number_of_driver_threads_write_identical_files() {
 }
 
 #[test]
+fn integrated_and_averaged_frames_are_identical_too() {
+    for options in ["--method taa --spp 2", "--method stable+ti", "--method stable --set box_frames=3"] {
+        let arguments = format!("builtin:spheres {options} {FRAMES}");
+        let first = render(&arguments, Some("1"));
+        assert_eq!(first.len(), 8, "{:?}", first.keys());
+        assert_eq!(differing(&first, &render(&arguments, Some("2"))), [""; 0], "{options}");
+    }
+}
+
+#[test]
 fn another_seed_gives_other_files() {
     let with = |seed| render(&format!("builtin:spheres --method stable --seed {seed} {FRAMES}"), None);
     let (zero, one) = (with(0), with(1));

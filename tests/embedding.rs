@@ -12,6 +12,7 @@ use stillray::gpu::{Buffer, Context, HostHandles, Place, fit};
 use stillray::renderer::{Aov, FrameInputs, FrameOutputs, Method, Renderer, Settings, Ticket};
 use stillray::scene::motion::Motion;
 use stillray::scene::{Pose, Scene, View};
+use stillray::settings::History;
 use stillray::shaders::Kind;
 use support::host::Host;
 use support::rig::{Rig, load};
@@ -116,13 +117,22 @@ fn what_leaks_is_heard_of() {
 
 #[test]
 fn recording_allocates_nothing_and_two_frames_in_flight_change_nothing() {
+    two_in_flight(&settings([40, 30]));
+}
+
+#[test]
+fn two_frames_in_flight_share_the_history() {
+    two_in_flight(&Settings { method: Method::StableTi, ..settings([40, 30]) });
+    two_in_flight(&Settings { box_frames: 3, ..settings([40, 30]) });
+}
+
+fn two_in_flight(settings: &Settings) {
     let host = Host::new();
     let engine = Engine::new(&host, "builtin:spheres");
-    let settings = settings([40, 30]);
-    let alone = engine.frames(&mut engine.renderer(&settings), 0..10);
+    let alone = engine.frames(&mut engine.renderer(settings), 0..10);
     assert!(alone.windows(2).all(|w| w[0] != w[1]), "the camera moves");
 
-    let mut renderer = engine.renderer(&settings);
+    let mut renderer = engine.renderer(settings);
     let targets: Vec<Buffer> = (0..10).map(|_| engine.target(&renderer)).collect();
     let before = engine.context.memory_table();
     let mut flying: Option<vk::Fence> = None;
@@ -151,7 +161,14 @@ fn recording_allocates_nothing_and_two_frames_in_flight_change_nothing() {
 #[test]
 fn a_resized_renderer_is_a_new_one() {
     let host = Host::new();
-    let engine = Engine::new(&host, "builtin:cornell");
+    for (method, box_frames) in [(Method::Stable, 1), (Method::StableTi, 1), (Method::Supersample, 3)] {
+        resized_again_and_again(&host, |size| Settings { method, box_frames, ..settings(size) });
+    }
+    host.close_clean();
+}
+
+fn resized_again_and_again(host: &Host, settings: impl Fn([u32; 2]) -> Settings) {
+    let engine = Engine::new(host, "builtin:cornell");
     let mut renderer = engine.renderer(&settings([32, 24]));
     let mut ticket = engine.frame(&mut renderer, 0).1;
     for size in [[48, 40], [9, 5], [1, 1], [1, 67], [61, 1], [37, 29]] {
@@ -166,8 +183,6 @@ fn a_resized_renderer_is_a_new_one() {
     drop(renderer);
     let left: u64 = engine.context.memory_table().values().sum();
     assert_eq!(left, 0, "{:?}", engine.context.memory_table());
-    drop(engine);
-    host.close_clean();
 }
 
 #[test]
@@ -241,6 +256,13 @@ fn settings_out_of_range_are_refused_by_name() {
     let good = Settings { size: [8, 8], ..Settings::default() };
     good.validate().unwrap();
     let mut bad = Vec::new();
+    for value in [f32::NAN, f32::INFINITY, -1.0, 0.0, 1.1] {
+        bad.push(("history.alpha", Settings { history: History { alpha: value, ..good.history }, ..good.clone() }));
+    }
+    for value in [f32::NAN, f32::INFINITY, -1.0, 16.1] {
+        bad.push(("history.clamp", Settings { history: History { clamp: value, ..good.history }, ..good.clone() }));
+    }
+    bad.extend([0, 4].map(|frames| ("box_frames", Settings { box_frames: frames, ..good.clone() })));
     for value in [f32::NAN, f32::INFINITY, -1.0, 0.0, 0.0624, 16.1] {
         bad.push(("density", Settings { density: value, ..good.clone() }));
         bad.push(("tolerance", Settings { tolerance: value, ..good.clone() }));
@@ -282,8 +304,9 @@ fn no_shader_of_any_plan_needs_more_than_hosts_are_told() {
     let mut masked = load("builtin:cornell");
     masked.materials[0].alpha = stillray::scene::AlphaMode::Mask { cutoff: 0.5 };
     for scene in [load("builtin:cornell"), masked] {
-        for method in [Method::Stable, Method::Supersample, Method::Reference] {
-            let settings = Settings { method, aovs: Aov::ALL.to_vec(), ..settings([8, 8]) };
+        let of = |(method, box_frames)| Settings { method, box_frames, aovs: Aov::ALL.to_vec(), ..settings([8, 8]) };
+        let averaged = (Method::Supersample, 3);
+        for settings in Method::ALL.iter().map(|method| (*method, 1)).chain([averaged]).map(of) {
             let renderer = Renderer::new(&context, &scene, &settings).unwrap();
             for pass in &renderer.plan().passes {
                 let Work::Dispatch { pipeline, .. } = &pass.work else { continue };

@@ -19,8 +19,8 @@ fn a_frame_too_large_to_bind_names_what_to_lower_and_takes_no_memory() {
     let rig = Rig::new(load("builtin:cornell"));
     let limits = rig.device.context().fit().properties.limits;
     let before = rig.device.context().memory_table();
-    for method in [Method::Stable, Method::Supersample, Method::Reference] {
-        let settings = Settings { method, size: HUGE, ..Settings::default() };
+    for method in Method::ALL {
+        let settings = Settings { size: HUGE, ..Settings::of(*method) };
         let error = Session::new(&rig.device, &rig.loaded, &settings).unwrap_err();
         // 16 bytes a sample of 2^28 pixels are more than the 32 bits of `maxStorageBufferRange`, on any device.
         let told = match &error {

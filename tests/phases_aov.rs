@@ -37,7 +37,7 @@ impl Inputs {
         // Halves of a quarter pixel: lengths are compared exactly, ties included.
         let mut step = || f16::from_f32((random.below(65) as f32 - 32.0) * 0.25).to_bits();
         let motions: Vec<u32> = (0..samples).map(|_| u32::from(step()) | u32::from(step()) << 16).collect();
-        let known = |motion: u32| if motion % 7 == 0 { MOTION_UNKNOWN } else { motion };
+        let known = |motion: u32| if motion.is_multiple_of(7) { MOTION_UNKNOWN } else { motion };
         let depths = [-1.0, 0.5, 2.0, 1e7, f32::INFINITY];
         let shaded = motions.into_iter().map(|motion| Shaded {
             motion: known(motion),

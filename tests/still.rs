@@ -2,22 +2,27 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a panic is a failing test
 mod support;
 
-use stillray::renderer::Settings;
+use stillray::renderer::{Method, Settings};
 use stillray::scene::motion::Motion;
 use support::rig::{Rig, bits, load, shared_scene};
 
 /// Frames 2 to 5 against each other, after `moving` frames of another motion.
 fn assert_still(rig: &Rig, settings: &Settings, moving: u32) {
+    assert_still_from(rig, settings, moving, 2);
+}
+
+/// Four frames from `rest` on against each other.
+fn assert_still_from(rig: &Rig, settings: &Settings, moving: u32, rest: u32) {
     let mut session = rig.session(settings);
     for i in 0..moving {
         rig.frame(&mut session, Motion::Orbit, i);
     }
     let mut settled: Option<Vec<u32>> = None;
-    for i in 0..6 {
+    for i in 0..rest + 4 {
         rig.frame(&mut session, Motion::Static, i);
         let now = bits(&session.color().unwrap());
         assert!(now.iter().all(|b| f32::from_bits(*b).is_finite()));
-        if i >= 2 {
+        if i >= rest {
             let before = settled.get_or_insert_with(|| now.clone());
             let changed = before.iter().zip(&now).filter(|(a, b)| a != b).count();
             assert_eq!(changed, 0, "{} at {settings:?}: {changed} values differ in frame {i}", rig.scene.name);
@@ -35,6 +40,47 @@ fn every_built_in_scene_stands_still() {
         }
         assert_still(&rig, &Settings { size: [64, 48], ..Settings::default() }, 3);
     }
+}
+
+/// Frames after which a history in halves rests under frames that do not change.
+///
+/// Each channel moves in one direction (`glsl/include/temporal.glsl`), and a step that changes it at all is one of at least a
+/// unit in the last place. Its distance from where it rests is 2^17 at first, the range of halves, and shrinks by 1 - alpha a
+/// frame but for rounding, of a part of 2^-11 of the distance and half a unit u of the place of rest: after n frames it is
+/// (1 - alpha + 2^-11)^n 2^17 + u / (2 alpha). Once the first term is below the least unit there is, 2^-24, at most
+/// 1 + 1 / (2 alpha) steps of a unit are left.
+fn frames_to_rest(alpha: f64) -> u32 {
+    let shrinking = 41.0 * 2f64.ln() / -(1.0 - alpha + 2f64.powi(-11)).ln();
+    (shrinking.ceil() + 1.0 + (0.5 / alpha).ceil()) as u32
+}
+
+#[test]
+fn integrated_frames_come_to_rest() {
+    let settings = Settings { size: [40, 32], ..Settings::of(Method::StableTi) };
+    // From frame 2 on, what is integrated does not change.
+    let rest = 2 + frames_to_rest(0.25);
+    assert_eq!(rest, 105);
+    for name in ["hairball?strands=200", "cornell", "spheres"] {
+        assert_still_from(&Rig::new(load(&format!("builtin:{name}"))), &settings, 3, rest);
+    }
+    // Negative control: it takes some frames.
+    let rig = Rig::new(load("builtin:hairball?strands=200"));
+    let mut session = rig.session(&settings);
+    for i in 0..3 {
+        rig.frame(&mut session, Motion::Orbit, i);
+    }
+    let mut still = |i: u32| {
+        rig.frame(&mut session, Motion::Static, i);
+        bits(&session.color().unwrap())
+    };
+    let frames: Vec<Vec<u32>> = (0..8).map(&mut still).collect();
+    assert!(frames[2..].windows(2).all(|w| w[0] != w[1]));
+}
+
+#[test]
+fn averaged_frames_come_to_rest_when_all_of_them_are_alike() {
+    let settings = Settings { size: [64, 48], box_frames: 3, ..Settings::default() };
+    assert_still_from(&Rig::new(load("builtin:hairball?strands=200")), &settings, 3, 4);
 }
 
 #[test]

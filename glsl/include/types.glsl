@@ -175,9 +175,9 @@ struct Frame {
     uint flags;            // FRAME_* below
     uint capacity;         // samples that a cache holds
     uint occluded_limit;   // occluded samples kept a pixel
-    uint alpha_seed;       // varies the hashed alpha threshold; constant in `stable`
-    uint spp;              // `supersample`, `reference`: samples a pixel
-    uint jitter;           // `supersample`, `reference`: varies the sample positions
+    uint alpha_seed;       // varies the hashed alpha threshold; constant where samples are kept
+    uint spp;              // methods that keep no samples: samples a pixel
+    uint jitter;           // methods that keep no samples: varies the sample positions
     uint padding0;
     uint padding1;
 };

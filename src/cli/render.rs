@@ -34,13 +34,13 @@ pub struct Render {
     /// What is rendered with [default: stable]
     #[arg(long, value_name = "METHOD", value_parser = method())]
     method: Option<Method>,
-    /// stable: samples a pixel to aim at, from 0.0625 to 16 [default: 1]
+    /// stable, stable+ti: samples a pixel to aim at, from 0.0625 to 16 [default: 1]
     #[arg(long, value_name = "D", value_parser = ranged(0.0625, 16.0), allow_negative_numbers = true)]
     density: Option<f64>,
-    /// stable: deviation from the density that is tolerated, from 0.0625 to 16 [default: 1]
+    /// stable, stable+ti: deviation from the density that is tolerated, from 0.0625 to 16 [default: 1]
     #[arg(long, value_name = "T", value_parser = ranged(0.0625, 16.0), allow_negative_numbers = true)]
     tolerance: Option<f64>,
-    /// supersample, reference: samples a pixel, from 1 to 16 [default: 1, reference: 16]
+    /// supersample, taa, reference: samples a pixel, from 1 to 16 [default: 1, reference: 16]
     #[arg(long, value_name = "N", value_parser = counted(1, 16), allow_negative_numbers = true)]
     spp: Option<u32>,
     /// supersample: other sample positions in each frame
