@@ -217,6 +217,10 @@ mod tests {
         let supersample = read("supersample:2").unwrap();
         assert_eq!((supersample.name.as_str(), supersample.settings.spp), ("supersample:2", 2));
         assert_eq!(read("stable"), read("stable:1.0"));
+        let integrated = read("stable+ti:2").unwrap();
+        assert_eq!((integrated.settings.density, integrated.settings.history.alpha), (2.0, 0.25));
+        let antialiased = read("taa:1").unwrap();
+        assert_eq!((antialiased.settings.spp, antialiased.settings.history.alpha), (1, 0.1));
         for wrong in ["stable:0", "supersample:0.5", "nothing:1", "stable:", ":1", "", "absent.toml"] {
             assert!(read(wrong).is_err(), "{wrong}");
         }

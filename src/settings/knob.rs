@@ -210,7 +210,7 @@ pub static KNOBS: &[Knob] = &[
         name: "history.precision",
         about: "what the history is stored in: 16-bit or 32-bit floats",
         unit: "",
-        trades: "float: a still picture comes nearer to the mean of its frames than 2^-12 / alpha, for 16 bytes a pixel more",
+        trades: "float: a still picture comes nearer to the mean of its frames than 2^-11 / alpha of itself, for 16 bytes a pixel more",
         domain: Domain::Choice {
             names: || Precision::ALL.map(Precision::name).to_vec(),
             get: |s| Precision::ALL.iter().position(|p| *p == s.history.precision).unwrap_or_default(),

@@ -281,3 +281,23 @@ impl Aov {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn methods_have_one_name_everywhere() {
+        for method in Method::ALL {
+            assert_eq!(serde_json::to_value(method).unwrap(), method.name());
+        }
+    }
+
+    #[test]
+    fn one_frame_is_not_averaged_and_what_is_integrated_is_not_either() {
+        let temporal = |method, box_frames| Settings { box_frames, ..Settings::of(method) }.temporal();
+        assert_eq!((temporal(Method::Stable, 1), temporal(Method::Stable, 2)), (Temporal::None, Temporal::Box));
+        assert_eq!((temporal(Method::Taa, 1), temporal(Method::Taa, 3)), (Temporal::Integrate, Temporal::Integrate));
+        assert_eq!(temporal(Method::Reference, 3), Temporal::None);
+    }
+}
