@@ -10,9 +10,9 @@ pub struct FrameStats {
     pub rays: u32,
     /// Shadow rays traced.
     pub shadow_rays: u32,
-    /// Samples that were reprojected onto the screen and kept.
+    /// Samples that were reprojected onto the screen and kept; with point tracking, rays towards points of the last frame.
     pub reused: u32,
-    /// Samples added.
+    /// Samples added; with point tracking, rays that no point directed.
     pub added: u32,
     /// Unoccluded samples evicted by the analysis.
     pub evicted: u32,
@@ -42,9 +42,9 @@ pub struct PhaseTime {
 impl FrameStats {
     /// From the counters that the device kept.
     pub(crate) fn new(c: &Counters, settings: &Settings) -> Self {
-        let stable = settings.method.keeps_samples();
-        let added = if stable { c.added } else { c.samples };
-        // No pixel of a method without a cache has a reprojected sample.
+        let reprojects = settings.method.reprojects();
+        let added = if reprojects { c.added } else { c.samples };
+        // No pixel of a method that reprojects nothing has a reprojected sample.
         let mut histogram = [0; 17];
         histogram[0] = settings.size[0] * settings.size[1];
         Self {
@@ -58,7 +58,7 @@ impl FrameStats {
             replaced: c.replaced,
             thinned: (c.reused + added).saturating_sub(c.samples),
             shaded: (c.samples + c.replaced).saturating_sub(c.occluded + c.lost),
-            histogram: if stable { c.histogram } else { histogram },
+            histogram: if reprojects { c.histogram } else { histogram },
         }
     }
 

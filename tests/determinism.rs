@@ -37,12 +37,13 @@ const FRAMES: &str = "--size 56x40 --frames 4 --motion orbit --format exr,png --
 
 #[test]
 fn runs_with_any_number_of_driver_threads_write_identical_files() {
-    for scene in ["builtin:spheres", "builtin:hairball?strands=300"] {
-        let arguments = format!("{scene} --method stable {FRAMES}");
+    let runs = [("spheres", "stable"), ("hairball?strands=300", "stable"), ("hairball?strands=300", "point-tracking")];
+    for (scene, method) in runs {
+        let arguments = format!("builtin:{scene} --method {method} {FRAMES}");
         let first = render(&arguments, Some("1"));
         assert_eq!(first.len(), 8, "{:?}", first.keys());
         for threads in [Some("1"), Some("2"), Some("2"), None] {
-            assert_eq!(differing(&first, &render(&arguments, threads)), [""; 0], "{scene}: 1 thread, {threads:?}");
+            assert_eq!(differing(&first, &render(&arguments, threads)), [""; 0], "{arguments}: 1 thread, {threads:?}");
         }
     }
 }
@@ -59,8 +60,10 @@ fn integrated_and_averaged_frames_are_identical_too() {
 
 #[test]
 fn another_seed_gives_other_files() {
-    let with = |seed| render(&format!("builtin:spheres --method stable --seed {seed} {FRAMES}"), None);
-    let (zero, one) = (with(0), with(1));
-    let differing = differing(&zero, &one);
-    assert!(zero.keys().filter(|n| n.ends_with(".exr")).all(|n| differing.contains(&n.as_str())), "{differing:?}");
+    for method in ["stable", "point-tracking"] {
+        let with = |seed| render(&format!("builtin:spheres --method {method} --seed {seed} {FRAMES}"), None);
+        let (zero, one) = (with(0), with(1));
+        let differing = differing(&zero, &one);
+        assert!(zero.keys().filter(|n| n.ends_with(".exr")).all(|n| differing.contains(&n.as_str())), "{differing:?}");
+    }
 }

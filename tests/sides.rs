@@ -74,7 +74,7 @@ fn ahead(turn: f64, mirrored: bool) -> DAffine3 {
 
 #[test]
 fn one_sided_squares_are_seen_from_the_front_only() {
-    for method in [Method::Stable, Method::Supersample, Method::Reference] {
+    for method in Method::ALL.iter().copied() {
         for mirrored in [false, true] {
             let seen = |material, turn| red(scene(&[(material, ahead(turn, mirrored))]), method);
             let front = seen(0, 0.0);

@@ -2,8 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)] // a panic is a failing test
 mod support;
 
+use glam::{DQuat, DVec3};
 use stillray::renderer::{Method, Settings};
 use stillray::scene::motion::Motion;
+use stillray::scene::{LocalTransform, Scene};
 use support::rig::{Rig, bits, load, shared_scene};
 
 /// Frames 2 to 5 against each other, after `moving` frames of another motion.
@@ -39,6 +41,9 @@ fn every_built_in_scene_stands_still() {
             assert_still(&rig, &Settings { size: [64, 48], density, tolerance, ..Settings::default() }, 0);
         }
         assert_still(&rig, &Settings { size: [64, 48], ..Settings::default() }, 3);
+        for moving in [0, 3] {
+            assert_still(&rig, &Settings { size: [64, 48], ..Settings::of(Method::PointTracking) }, moving);
+        }
     }
 }
 
@@ -89,15 +94,39 @@ fn sponza_stands_still() {
     assert_still(&Rig::new(load(&path)), &Settings { size: [64, 48], ..Settings::default() }, 3);
 }
 
+/// Each point is traced anew in each frame. Modelled ten thousand kilometres from its origin, a wall is known to a metre,
+/// which is six pixels here: the rays would stray, were those of the last frame not kept.
+#[test]
+fn tracked_points_rest_even_where_hits_are_rounded_to_pixels() {
+    let mut scene = load("builtin:cornell");
+    let wanderers = |scene: Scene| {
+        let rig = Rig::new(scene);
+        let settings = Settings { size: [64, 48], ..Settings::of(Method::PointTracking) };
+        assert_still(&rig, &settings, 0);
+        let mut session = rig.session(&settings);
+        let frames: Vec<u32> = (0..4).map(|i| rig.frame(&mut session, Motion::Static, i).histogram[0]).collect();
+        frames[3]
+    };
+    assert_eq!(wanderers(scene.clone()), 0, "each point is projected to its own pixel");
+    let far = DVec3::new(1e7, 0.0, 0.0);
+    scene.meshes[0].positions.iter_mut().for_each(|p| *p += far.as_vec3());
+    let room = scene.instances[0].node;
+    scene.nodes[room].local = LocalTransform::Trs { translation: -far, rotation: DQuat::IDENTITY, scale: DVec3::ONE };
+    let strayed = wanderers(scene);
+    assert!(strayed > 64 * 48 / 20, "{strayed} pixels have lost their point: too few to show anything");
+}
+
 #[test]
 fn a_camera_that_moves_does_change_the_picture() {
     let rig = Rig::new(load("builtin:cornell"));
-    let mut session = rig.session(&Settings { size: [64, 48], ..Settings::default() });
-    let mut before = None;
-    for i in 0..4 {
-        rig.frame(&mut session, Motion::Rotate, i);
-        let now = bits(&session.color().unwrap());
-        assert_ne!(before.as_ref(), Some(&now), "frame {i}");
-        before = Some(now);
+    for method in [Method::Stable, Method::PointTracking] {
+        let mut session = rig.session(&Settings { size: [64, 48], ..Settings::of(method) });
+        let mut before = None;
+        for i in 0..4 {
+            rig.frame(&mut session, Motion::Rotate, i);
+            let now = bits(&session.color().unwrap());
+            assert_ne!(before.as_ref(), Some(&now), "{method:?}, frame {i}");
+            before = Some(now);
+        }
     }
 }

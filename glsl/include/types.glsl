@@ -136,6 +136,14 @@ const uint LIGHT_POINT = 0u;
 const uint LIGHT_SPOT = 1u;
 const uint LIGHT_DIRECTIONAL = 2u;
 
+// The point of the last frame that a pixel's ray goes towards, of those that are projected onto the pixel. All bits are set
+// where there is none, so that one fill clears it.
+struct Tracked {
+    uint nearest;  // least squared distance from the camera, the bits of a float in square metres
+    uint point;    // the first point at that distance, as its index in the last frame's list
+    uint others;   // points besides it
+};
+
 // Counts of a frame, and the arguments of its indirect dispatches.
 struct Counters {
     uint trace_x;     // workgroups over the dense list of samples, for vkCmdDispatchIndirect

@@ -10,8 +10,8 @@ use stillray::metric::sequence::Metric;
 use stillray::renderer::{Aov, Method, Settings};
 use stillray::report::bench::Build;
 use stillray::scene::motion::Motion;
-use stillray::settings::file as settings_file;
 use stillray::settings::knob::Knob;
+use stillray::settings::{Sampling, file as settings_file};
 
 use super::{Failure, Outcome};
 
@@ -166,12 +166,19 @@ impl FromStr for Contender {
         let (kind, number) = text.split_once(':').unwrap_or((text, "1"));
         let method = method_named(kind).map_err(|e| format!("{e}; as in stable:0.5, supersample:2, fast.toml"))?;
         settings.switch(method);
-        if settings.method.keeps_samples() {
-            settings.density = ranged(0.0625, 16.0)(number)? as f32;
-            return Ok(Self { name: format!("{kind}:{}", settings.density), settings });
-        }
-        settings.spp = counted(1, 16)(number)?;
-        Ok(Self { name: format!("{kind}:{}", settings.spp), settings })
+        let samples = match method.sampling() {
+            Sampling::Reprojected => {
+                settings.density = ranged(0.0625, 16.0)(number)? as f32;
+                settings.density.to_string()
+            }
+            Sampling::Fresh => {
+                settings.spp = counted(1, 16)(number)?;
+                settings.spp.to_string()
+            }
+            Sampling::Tracked if number == "1" => number.to_owned(),
+            Sampling::Tracked => return Err(format!("{kind} has one sample a pixel: expected {kind} or {kind}:1")),
+        };
+        Ok(Self { name: format!("{kind}:{samples}"), settings })
     }
 }
 
@@ -221,6 +228,8 @@ mod tests {
         assert_eq!((integrated.settings.density, integrated.settings.history.alpha), (2.0, 0.25));
         let antialiased = read("taa:1").unwrap();
         assert_eq!((antialiased.settings.spp, antialiased.settings.history.alpha), (1, 0.1));
+        assert_eq!(read("point-tracking"), read("point-tracking:1"));
+        assert!(read("point-tracking:2").unwrap_err().contains("one sample a pixel"));
         for wrong in ["stable:0", "supersample:0.5", "nothing:1", "stable:", ":1", "", "absent.toml"] {
             assert!(read(wrong).is_err(), "{wrong}");
         }

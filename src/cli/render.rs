@@ -326,7 +326,7 @@ impl Job<'_> {
         let per_frame = grouped(totals.rays / totals.frames.max(1) as u64);
         text +=
             &format!("median {:.1} ms a frame on {}, {per_frame} camera rays", totals.ms.median, device.report().name);
-        if self.settings.method.keeps_samples() && totals.frames > 1 {
+        if self.settings.method.reprojects() && totals.frames > 1 {
             text += &format!(", {} of them reused", percent(totals.reused_fraction));
         }
         text + "\n"

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::gpu::pass::{self, Barrier, Pass, Work};
 use crate::gpu::{Range, Resource};
 use crate::phase::{self, FrameResources, Kit, SceneResources};
-use crate::settings::Settings;
+use crate::settings::{Sampling, Settings};
 use crate::shaders::Access;
 
 /// A frame: passes in order, and the barrier before each.
@@ -48,13 +48,7 @@ pub fn plan(
     let uploads = transfers.uploads.iter();
     let mut passes: Vec<Pass> = uploads.map(|(from, to)| Pass::copy("upload", *from, *to)).collect();
     passes.push(Pass::fill("upload", tallies(f.counters), 0));
-    if stable {
-        passes.extend(phase::reproject::passes(kit, f)?);
-        passes.push(phase::analyze::pass(kit, f)?);
-        passes.extend(phase::list::passes(kit, f)?);
-    } else {
-        passes.push(phase::generate::pass(kit, f)?);
-    }
+    passes.extend(samples_of(kit, settings, f)?);
     passes.push(phase::verify::pass(kit, f, s)?);
     if stable {
         passes.push(phase::retain::pass(kit, f, s)?);
@@ -72,6 +66,20 @@ pub fn plan(
     passes.push(Pass::copy("readback", f.counters, transfers.readback));
     let barriers = pass::barriers(&passes);
     Ok(Plan { passes, barriers, end: pass::to_host() })
+}
+
+/// What makes the list of samples.
+fn samples_of(kit: &Kit, settings: &Settings, f: &FrameResources) -> Result<Vec<Pass>> {
+    match settings.method.sampling() {
+        Sampling::Reprojected => {
+            let mut passes = phase::reproject::passes(kit, f)?;
+            passes.push(phase::analyze::pass(kit, f)?);
+            passes.extend(phase::list::passes(kit, f)?);
+            Ok(passes)
+        }
+        Sampling::Tracked => phase::track::passes(kit, f),
+        Sampling::Fresh => Ok(vec![phase::generate::pass(kit, f)?]),
+    }
 }
 
 /// The plan in words: a line a pass with what it reads and writes, and the barriers between.

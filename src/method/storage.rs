@@ -20,12 +20,14 @@
 
 use crate::Result;
 use crate::gpu::buffer::within;
-use crate::settings::{Aov, Precision, Settings, Temporal};
-use crate::shaders::{Found, Sample, Shaded};
+use crate::settings::{Aov, Precision, Sampling, Settings, Temporal};
+use crate::shaders::{Found, Sample, Shaded, Tracked};
 
 /// Sizes in bytes of everything that belongs to a renderer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Storage {
+    /// Where samples come from.
+    pub sampling: Sampling,
     /// Pixels of a frame.
     pub pixels: u64,
     /// Tiles of 8 × 8 pixels.
@@ -48,6 +50,8 @@ pub struct Storage {
     pub tile_sums: u64,
     /// First sample of each pixel.
     pub offsets: u64,
+    /// Where the ray of each pixel goes, 0 if points are not tracked.
+    pub aims: u64,
     /// What the rays found.
     pub found: u64,
     /// Lights that reach each sample.
@@ -78,28 +82,34 @@ impl Storage {
     pub fn new(settings: &Settings) -> Self {
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
         let tiles = u64::from(settings.size[0].div_ceil(8)) * u64::from(settings.size[1].div_ceil(8));
-        let stable = settings.method.keeps_samples();
-        let capacity = if stable { stable_capacity(settings, pixels) } else { pixels * u64::from(settings.spp) };
+        let sampling = settings.method.sampling();
+        let stable = sampling == Sampling::Reprojected;
+        let (capacity, claims) = match sampling {
+            Sampling::Reprojected => (stable_capacity(settings, pixels), pixels * 64),
+            Sampling::Tracked => (pixels, pixels * size_of::<Tracked>() as u64),
+            Sampling::Fresh => (pixels * u64::from(settings.spp), 0),
+        };
         let own_film = settings.method.accumulates();
         let found = (capacity * size_of::<Found>() as u64).next_multiple_of(ALIGNMENT);
         let lit = (capacity * 4).next_multiple_of(ALIGNMENT);
         let shaded = (capacity * size_of::<Shaded>() as u64).next_multiple_of(ALIGNMENT);
         let film = (pixels * 16).next_multiple_of(ALIGNMENT);
         let (motion, history, histories) = history(settings, pixels);
-        let claims = if stable { pixels * 64 } else { 0 };
         let shaded_offset = (found + lit).max(if own_film { 0 } else { film + motion });
         Self {
+            sampling,
             pixels,
             tiles,
             capacity,
             occluded_limit: occluded_limit(settings.density),
             samples: capacity * size_of::<Sample>() as u64,
-            caches: if stable { 2 } else { 1 },
+            caches: if settings.method.reprojects() { 2 } else { 1 },
             ages: if stable && settings.aovs.contains(&Aov::Age) { capacity * 4 } else { 0 },
             claims,
             masks: if stable { pixels * 4 } else { 0 },
             tile_sums: if stable { tiles * 4 } else { 0 },
             offsets: (pixels + 1) * 4,
+            aims: if sampling == Sampling::Tracked { pixels * 8 } else { 0 },
             found,
             lit,
             shaded,
@@ -120,7 +130,11 @@ impl Storage {
     /// # Errors
     /// [`crate::Error::TooLarge`] for the first that it cannot, with the settings to lower.
     pub fn check(&self, limit: u64) -> Result<()> {
-        let advice = if self.caches == 2 { "lower --size, --density or --tolerance" } else { "lower --size or --spp" };
+        let advice = match self.sampling {
+            Sampling::Reprojected => "lower --size, --density or --tolerance",
+            Sampling::Tracked => "lower --size",
+            Sampling::Fresh => "lower --size or --spp",
+        };
         let bound = [
             ("the sample cache", self.samples),
             ("the list of claims", self.claims),
@@ -132,6 +146,7 @@ impl Storage {
             ("the history", self.history),
             ("the pixels' offsets", self.offsets),
             ("the pixels' masks", self.masks),
+            ("the pixels' aims", self.aims),
         ];
         bound.into_iter().try_for_each(|(what, size)| within("maxStorageBufferRange", limit, what, size, advice))
     }
@@ -186,6 +201,11 @@ mod tests {
         let supersample = Settings { method: Method::Supersample, spp: 16, ..stable };
         let error = too_large(&supersample, 1 << 27).unwrap_or_default();
         assert!(error.contains("lower --size or --spp") && !error.contains("density"), "{error}");
+        let tracked = Settings { method: Method::PointTracking, ..supersample };
+        // One sample a pixel whatever `spp`, of which nothing takes more than 16 bytes.
+        assert_eq!(too_large(&tracked, 16 * 1920 * 1080), None);
+        let error = too_large(&tracked, 16 * 1920 * 1080 - 1).unwrap_or_default();
+        assert!(error.ends_with("lower --size") && !error.contains("spp"), "{error}");
     }
 
     #[test]

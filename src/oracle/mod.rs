@@ -14,6 +14,7 @@ pub mod shade;
 pub mod shadow;
 pub mod stage;
 pub mod temporal;
+pub mod track;
 pub mod traverse;
 pub mod triangle;
 pub mod verify;

@@ -61,13 +61,18 @@ pub fn reproject(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> R
 
 /// The subpixel that a sample projects to, in f32 and in the shader's order.
 pub fn landing(frame: &Frame, instances: &[Instance], sample: &Sample) -> Option<Subpixel> {
+    let position = landing_position(frame, instances, sample)?;
+    let pixel = camera::pixel_of(position, frame.size);
+    Some((camera::pixel_index(pixel, frame.size), camera::subpixel_of(position, pixel)))
+}
+
+/// Where in the frame a sample projects to, in pixels, in f32 and in the shader's order.
+pub fn landing_position(frame: &Frame, instances: &[Instance], sample: &Sample) -> Option<[f32; 2]> {
     let relative = match space(frame, sample)? {
         Some(instance) => camera::transform_point(&instances[instance].to_relative, sample.position),
         None => sample.position,
     };
-    let position = camera::project(frame, relative)?;
-    let pixel = camera::pixel_of(position, frame.size);
-    Some((camera::pixel_index(pixel, frame.size), camera::subpixel_of(position, pixel)))
+    camera::project(frame, relative)
 }
 
 /// The same with every rounding error accounted for.
@@ -95,7 +100,7 @@ pub fn landing_bounded(frame: &Frame, instances: &[Instance], sample: &Sample) -
 }
 
 /// The space a sample's position is in: `None` if it is lost, `Some(None)` for a direction of the sky.
-fn space(frame: &Frame, sample: &Sample) -> Option<Option<usize>> {
+pub(super) fn space(frame: &Frame, sample: &Sample) -> Option<Option<usize>> {
     match sample.instance & INSTANCE_MASK {
         instance if instance < frame.instance_count => Some(Some(instance as usize)),
         SKY_INSTANCE => Some(None),

@@ -7,6 +7,7 @@
 //! | [`analyze`] | 4.2 | pixel | masks | plan, tiles |
 //! | [`list`]: `scan`, `gather` | 7 (left to future work) | tile; pixel | plan, claims, samples of the last frame | samples, offsets |
 //! | [`generate`] | 6 (supersampling) | pixel | | samples, offsets |
+//! | [`track`]: `nearest` (twice), `track` | paper 3, 2 | sample of the last frame; pixel | samples of the last frame, instances, aims | claims, aims, samples, offsets |
 //! | [`verify`] | 4.3 | sample | samples, geometry | found, samples |
 //! | [`retain`] | 4.3 | pixel | found | found, samples |
 //! | [`shadow`] | 4.3 | sample | found, geometry, lights | lit |
@@ -27,6 +28,7 @@ pub mod retain;
 pub mod shade;
 pub mod shadow;
 pub mod temporal;
+pub mod track;
 pub mod verify;
 
 use crate::Result;
@@ -100,8 +102,10 @@ pub struct FrameResources {
     pub previous_ages: Option<Range>,
     /// Frames that each sample of `samples` has lived.
     pub ages: Option<Range>,
-    /// 16 words a pixel.
+    /// 16 words a pixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
     pub claims: Range,
+    /// Two floats a pixel, with point tracking: where the ray of each pixel goes, in pixels.
+    pub aims: Range,
     /// A word a pixel: occupancy, and which of it is unoccluded.
     pub masks: Range,
     /// A word a pixel: kept and new subpixels.

@@ -3,7 +3,7 @@
 //! A knob registers itself by being in [`KNOBS`]. Nothing else has to know of it: the range check, the settings file, the
 //! command line, the reports and the search for good trades go through the table.
 
-use super::{HistoryFilter, Method, Precision, Settings, Temporal};
+use super::{HistoryFilter, Method, Precision, Sampling, Settings, Temporal};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -100,7 +100,7 @@ fn analysed(method: Method) -> bool {
 }
 
 fn fresh(method: Method) -> bool {
-    !method.keeps_samples()
+    method.sampling() == Sampling::Fresh
 }
 
 fn integrated(method: Method) -> bool {
@@ -120,8 +120,8 @@ pub static KNOBS: &[Knob] = &[
         about: "what is rendered with",
         unit: "",
         trades: "stable: steadier frames for the time of reprojection; supersample: nothing is kept from frame to frame; \
-                 taa, stable+ti: the same, integrated over time, which is steadier and blurs; reference: converges, for \
-                 any time",
+                 taa, stable+ti: the same, integrated over time, which is steadier and blurs; point-tracking: one sample a \
+                 pixel, less flicker than one of supersample at little cost; reference: converges, for any time",
         domain: Domain::Choice {
             names: || Method::ALL.iter().map(|m| m.name()).collect(),
             get: |s| Method::ALL.iter().position(|m| *m == s.method).unwrap_or_default(),
@@ -129,7 +129,13 @@ pub static KNOBS: &[Knob] = &[
         },
         applies: any,
         rays: true,
-        ladder: &[Choice("stable"), Choice("stable+ti"), Choice("taa"), Choice("supersample")],
+        ladder: &[
+            Choice("stable"),
+            Choice("stable+ti"),
+            Choice("taa"),
+            Choice("supersample"),
+            Choice("point-tracking"),
+        ],
     },
     Knob {
         name: "density",

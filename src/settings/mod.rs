@@ -60,7 +60,9 @@ impl Settings {
         let spp = if method.accumulates() { 16 } else { 1 };
         // Paper 1, section 6: stable samples need less integration.
         let alpha = if method == Method::StableTi { 0.25 } else { 0.1 };
-        Self { method, spp, history: History { alpha, ..History::default() }, ..Self::default() }
+        // Paper 3, section 2.
+        let box_frames = if method == Method::PointTracking { 3 } else { 1 };
+        Self { method, spp, box_frames, history: History { alpha, ..History::default() }, ..Self::default() }
     }
 
     /// What is made of the frames before, if anything.
@@ -107,6 +109,8 @@ pub enum Method {
     StableTi,
     /// As `Supersample`, jittered and accumulated over all frames since the last reset.
     Reference,
+    /// One sample a pixel, traced towards a hit point of the last frame where one is projected onto the pixel: paper 3.
+    PointTracking,
 }
 
 /// What is made of the frames before.
@@ -191,11 +195,14 @@ pub enum Sampling {
     Reprojected,
     /// `spp` new ones a pixel.
     Fresh,
+    /// One new one a pixel, directed by those of the last frame (paper 3).
+    Tracked,
 }
 
 impl Method {
     /// All of them.
-    pub const ALL: &[Self] = &[Self::Stable, Self::Supersample, Self::Taa, Self::StableTi, Self::Reference];
+    pub const ALL: &[Self] =
+        &[Self::Stable, Self::Supersample, Self::Taa, Self::StableTi, Self::PointTracking, Self::Reference];
 
     /// As the command line and the settings file spell it.
     pub const fn name(self) -> &'static str {
@@ -205,6 +212,7 @@ impl Method {
             Self::Taa => "taa",
             Self::StableTi => "stable+ti",
             Self::Reference => "reference",
+            Self::PointTracking => "point-tracking",
         }
     }
 
@@ -213,6 +221,7 @@ impl Method {
         match self {
             Self::Stable | Self::StableTi => Sampling::Reprojected,
             Self::Supersample | Self::Taa | Self::Reference => Sampling::Fresh,
+            Self::PointTracking => Sampling::Tracked,
         }
     }
 
@@ -220,14 +229,19 @@ impl Method {
     pub const fn temporal(self) -> Temporal {
         match self {
             Self::Taa | Self::StableTi => Temporal::Integrate,
-            Self::Stable | Self::Supersample => Temporal::Box,
+            Self::Stable | Self::Supersample | Self::PointTracking => Temporal::Box,
             Self::Reference => Temporal::None,
         }
     }
 
-    /// Whether samples live on from frame to frame, in two caches that swap roles.
+    /// Whether samples live on from frame to frame.
     pub const fn keeps_samples(self) -> bool {
         matches!(self.sampling(), Sampling::Reprojected)
+    }
+
+    /// Whether what the last frame saw is projected into this one, which takes two caches that swap roles.
+    pub const fn reprojects(self) -> bool {
+        matches!(self.sampling(), Sampling::Reprojected | Sampling::Tracked)
     }
 
     /// Whether all frames since the last reset are averaged.

@@ -1,0 +1,47 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Paper 3, section 2: every hit point of the last frame is projected into this one, and the nearest to the camera wins a
+// pixel. 64-bit atomics are optional in Vulkan, so that it takes two dispatches: the first finds the least distance and
+// counts the points, the variant finds, among those at that distance, the first in the list. Minima and sums do not depend
+// on the order of arrival.
+//
+// variant index: INDEX
+#include "camera.glsl"
+#include "track.glsl"
+
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
+layout(set = 0, binding = 1, std430) readonly buffer Instances { Instance data[]; } instances;
+layout(set = 0, binding = 2, std430) readonly buffer CountersBlock { Counters data; } counters;
+layout(set = 0, binding = 3, std430) readonly buffer Samples { Sample data[]; } samples;
+layout(set = 0, binding = 4, std430) buffer TrackedBlock { Tracked data[]; } tracked;
+
+void main() {
+    uint i = dense_index();
+    if (i >= counters.data.samples || (frame.data.flags & FRAME_RESET) != 0u) {
+        return;
+    }
+    Sample s = samples.data[i];
+    uint id = s.instance & INSTANCE_MASK;
+    bool surface = id < frame.data.instance_count;
+    vec3 relative = s.position;
+    if (surface) {
+        relative = transform_point(instances.data[id].to_relative, s.position);
+    } else if (id != SKY_INSTANCE) {
+        return;  // no point
+    }
+    vec2 where;
+    if (!project(frame.data.right, frame.data.up, frame.data.forward.xyz, frame.data.size, relative, where)) {
+        return;
+    }
+    uint index = pixel_index(pixel_of(where, frame.data.size), frame.data.size);
+    uint key = distance_key(relative, surface);
+#ifdef INDEX
+    if (key == tracked.data[index].nearest) {
+        atomicMin(tracked.data[index].point, i);
+    }
+#else
+    atomicMin(tracked.data[index].nearest, key);
+    atomicAdd(tracked.data[index].others, 1u);
+#endif
+}
