@@ -30,7 +30,8 @@ void decide(uvec2 pixel) {
     if ((frame.data.flags & FRAME_SETTLED) == 0u) {
         uint h = pixel_hash(pixel, frame.data.frame, frame.data.seed);
         // A pixel that is due less than a sample cannot answer for itself.
-        bool edge = frame.data.d_target >= 1.0 && window_hides(near);
+        bool own = frame.data.d_target >= 1.0 && (frame.data.flags & FRAME_PAPER_EDGES) == 0u;
+        bool edge = own && window_hides(near);
         uint word = edge ? balanced(near[4], hash_uint(~h)) : near[4];
         uint quarters = edge ? 4u : window_quarters(pixel, frame.data.size);
         uint count = edge ? uint(bitCount(word >> 16)) : window_count(near);

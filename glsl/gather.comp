@@ -4,6 +4,8 @@
 // to trace. A workgroup is a tile; its first entry comes from the prefix sum over tiles.
 //
 // variant age: AGE
+// variant source: SOURCE
+// variant age_source: AGE SOURCE
 #include "camera.glsl"
 #include "analysis.glsl"
 #include "thin.glsl"
@@ -21,6 +23,9 @@ layout(set = 0, binding = 8, std430) writeonly buffer Offsets { uint data[]; } o
 #ifdef AGE
 layout(set = 0, binding = 9, std430) readonly buffer PreviousAges { uint data[]; } previous_ages;
 layout(set = 0, binding = 10, std430) writeonly buffer Ages { uint data[]; } ages;
+#endif
+#ifdef SOURCE
+layout(set = 0, binding = 11, std430) writeonly buffer Sources { uint data[]; } sources;
 #endif
 
 shared uint sums[64];
@@ -48,6 +53,9 @@ void write(uint slot, uvec2 pixel, uint index, uint subpixel, bool added) {
 #ifdef AGE
     uint age = added ? 0u : previous_ages.data[claims.data[index * (M * M) + subpixel] & INSTANCE_MASK];
     ages.data[slot] = added ? 0u : min(age, 0xfffffffeu) + 1u;
+#endif
+#ifdef SOURCE
+    sources.data[slot] = added ? NO_SOURCE : claims.data[index * (M * M) + subpixel] & INSTANCE_MASK;
 #endif
 }
 

@@ -20,7 +20,9 @@ layout(set = 0, binding = 12, std430) readonly buffer FoundBlock { Found data[];
 layout(set = 0, binding = 13, std430) readonly buffer Lit { uint data[]; } lit;
 layout(set = 0, binding = 14, std430) writeonly buffer ShadedBlock { Shaded data[]; } shaded;
 
+#define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
 #include "brdf.glsl"
+#include "choice.glsl"
 #include "light.glsl"
 #include "material.glsl"
 #include "triangle.glsl"
@@ -49,11 +51,12 @@ vec3 surface_radiance(Found f, uint lit_bits) {
     }
     vec3 ambient = reflect_uniform(s.base_color, s.metallic, s.roughness, s.normal, view);
     vec3 radiance = s.emissive + ambient * frame.data.environment.rgb * s.occlusion;
+    float weight = light_weight(frame.data.light_count, frame.data.shadow_rays);
     for (uint i = 0u; i < frame.data.light_count; ++i) {
         if ((lit_bits >> i & 1u) != 0u) {
             Incident incident = light_at(lights.data[i], point.position);
             vec3 part = reflect_light(s.base_color, s.metallic, s.roughness, s.normal, view, incident.direction);
-            radiance += part * incident.irradiance;
+            radiance += part * (incident.irradiance * weight);
         }
     }
     return radiance;

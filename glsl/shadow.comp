@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// One shadow ray a light for every visible sample. A bit of `lit` says that the light reaches the sample; the rays
-// towards lights behind the surface are not traced and leave their bits zero.
+// One shadow ray a light, up to a number, for every visible sample. A bit of `lit` says that the light reaches the sample;
+// the rays towards lights behind the surface are not traced and leave their bits zero, as do lights that are not chosen.
 //
 // variant alpha: ALPHA
 #define TRAVERSE_ANY
@@ -17,20 +17,24 @@ layout(set = 0, binding = 5, std430) readonly buffer Rest { float data[]; } rest
 layout(set = 0, binding = 6, std430) readonly buffer Lights { Light data[]; } lights;
 layout(set = 0, binding = 7, std430) readonly buffer FoundBlock { Found data[]; } found;
 layout(set = 0, binding = 8, std430) writeonly buffer Lit { uint data[]; } lit;
+layout(set = 0, binding = 9, std430) readonly buffer Samples { Sample data[]; } samples;
 #ifdef ALPHA
-layout(set = 0, binding = 9, std430) readonly buffer Triangles { Triangle data[]; } triangles;
-layout(set = 0, binding = 10, std430) readonly buffer Materials { Material data[]; } materials;
-layout(set = 0, binding = 11, std430) readonly buffer Vertices { Vertex data[]; } vertices;
-layout(set = 0, binding = 12) uniform sampler2DArray atlas;
-layout(set = 0, binding = 13, std430) readonly buffer Srgb { float data[256]; } srgb;
+#define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
+layout(set = 0, binding = 10, std430) readonly buffer Triangles { Triangle data[]; } triangles;
+layout(set = 0, binding = 11, std430) readonly buffer Materials { Material data[]; } materials;
+layout(set = 0, binding = 12, std430) readonly buffer Vertices { Vertex data[]; } vertices;
+layout(set = 0, binding = 13) uniform sampler2DArray atlas;
+layout(set = 0, binding = 14, std430) readonly buffer Srgb { float data[256]; } srgb;
 #include "alpha_hit.glsl"
 #endif
+#include "choice.glsl"
 #include "traverse.glsl"
 
 shared uint tally;
 
-// The bits of all lights for one sample; counts the rays.
-uint lights_reaching(Found f, out uint rays) {
+// The bits of all lights for one sample; counts the rays. Lights are chosen one after the other, each with the chance that
+// leaves all sets alike (selection sampling: Knuth, The Art of Computer Programming 3.4.2, algorithm S).
+uint lights_reaching(Found f, uint h, out uint rays) {
     Instance inst = instances.data[f.instance];
     Corners c = load_corners(f.primitive);
     SurfacePoint point = surface_point(inst.to_relative, inst.to_object, c.v0, c.v1, c.v2, f.u, f.v);
@@ -38,11 +42,22 @@ uint lights_reaching(Found f, out uint rays) {
     float viewer_side = dot(point.normal, point.position) <= 0.0 ? 1.0 : -1.0;
     uint bits = 0u;
     rays = 0u;
+    uint lights_left = frame.data.light_count;
+    bool untraced = frame.data.shadow_rays == 0u;
+    uint wanted = untraced ? lights_left : min(frame.data.shadow_rays, lights_left);
     for (uint i = 0u; i < frame.data.light_count; ++i) {
+        h = hash_uint(h);
+        bool chosen = h % lights_left < wanted;
+        wanted -= uint(chosen);
+        --lights_left;
         Light light = lights.data[i];
         bool directional = light.kind == LIGHT_DIRECTIONAL;
         vec3 towards = directional ? -light.direction : light.position - point.position;
-        if (!(dot(point.normal, towards) * viewer_side > 0.0)) {
+        if (!chosen || !(dot(point.normal, towards) * viewer_side > 0.0)) {
+            continue;
+        }
+        if (untraced) {
+            bits |= 1u << i;
             continue;
         }
         vec3 origin = offset_origin(point, towards);
@@ -67,7 +82,7 @@ void main() {
         uint bits = 0u;
         uint rays = 0u;
         if (visible && f.instance != SKY_INSTANCE) {
-            bits = lights_reaching(f, rays);
+            bits = lights_reaching(f, light_hash(samples.data[slot], frame.data.seed), rays);
         }
         lit.data[slot] = bits;
         atomicAdd(tally, rays);

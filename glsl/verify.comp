@@ -18,6 +18,7 @@ layout(set = 0, binding = 7, std430) writeonly buffer FoundBlock { Found data[];
 layout(set = 0, binding = 8, std430) readonly buffer Triangles { Triangle data[]; } triangles;
 layout(set = 0, binding = 9, std430) readonly buffer Materials { Material data[]; } materials;
 #ifdef ALPHA
+#define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
 layout(set = 0, binding = 10, std430) readonly buffer Vertices { Vertex data[]; } vertices;
 layout(set = 0, binding = 11) uniform sampler2DArray atlas;
 layout(set = 0, binding = 12, std430) readonly buffer Srgb { float data[256]; } srgb;

@@ -34,8 +34,8 @@
 //!
 //! with `temporal` in place of `resolve` where frames are integrated or averaged, and the counters come back. [`phase`] has
 //! the table of what each reads and writes, [`gpu::pass`] the policy by which barriers follow from that; `renderer.plan()` is
-//! the frame as data. `supersample`, `taa` and `reference` have `generate` in place of the first three and keep no samples. Two
-//! caches swap roles from frame to frame, and two frames may be in flight.
+//! the frame as data. `supersample`, `taa` and `reference` have `generate` in place of the first three and keep no samples,
+//! `point-tracking` has `track` and keeps points that direct its rays. Two caches swap roles from frame to frame, and two frames may be in flight.
 //!
 //! # A host of its own
 //!

@@ -235,7 +235,7 @@ fn drop_each(scene: &Scene, settings: &Settings) {
 #[test]
 fn the_layer_notices_dropped_barriers_of_stable() {
     let scene = load("builtin:cornell");
-    let settings = Settings { size: [16, 16], aovs: vec![Aov::Age], ..Settings::default() };
+    let settings = Settings { size: [16, 16], aovs: vec![Aov::Age, Aov::Changes], ..Settings::default() };
     drop_each(&scene, &settings);
 }
 

@@ -49,7 +49,7 @@ fn frames_layers_preview_and_report() {
     let output = run(
         &out,
         "render builtin:cornell --size 48x32 --frames 3 --motion pan --fps 25 --out . --format exr,png \
-         --aov age,depth,motion,density --density 2 --preview p.png --json r.json",
+         --aov changes,age,depth,motion,density --density 2 --preview p.png --json r.json",
     );
     let exrs_and_pngs = "frame_0000.exr frame_0000.png frame_0001.exr frame_0001.png frame_0002.exr frame_0002.png";
     assert_eq!(names(&out).join(" "), format!("{exrs_and_pngs} p.png r.json"));
@@ -57,7 +57,10 @@ fn frames_layers_preview_and_report() {
 
     let exr = Exr::read(&out.join("frame_0002.exr")).unwrap();
     assert_eq!(([exr.width, exr.height], exr.fps), ([48, 32], Some(25.0)));
-    for name in "R G B depth.Z motion.X motion.Y density.R density.G density.B age.V".split(' ') {
+    for name in
+        "R G B depth.Z motion.X motion.Y density.R density.G density.B age.V changes.R changes.G changes.B changes.A"
+            .split(' ')
+    {
         let data = exr.channel(name).unwrap_or_else(|| panic!("no {name}"));
         assert!(name == "depth.Z" || data.iter().all(|v| v.is_finite()), "{name}");
     }

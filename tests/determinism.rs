@@ -33,7 +33,7 @@ fn differing<'a>(a: &'a Files, b: &Files) -> Vec<&'a str> {
     a.iter().filter(|(name, content)| b[*name] != **content).map(|(name, _)| name.as_str()).collect()
 }
 
-const FRAMES: &str = "--size 56x40 --frames 4 --motion orbit --format exr,png --aov depth,motion,density,age";
+const FRAMES: &str = "--size 56x40 --frames 4 --motion orbit --format exr,png --aov depth,motion,density,age,changes";
 
 #[test]
 fn runs_with_any_number_of_driver_threads_write_identical_files() {

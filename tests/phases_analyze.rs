@@ -9,7 +9,7 @@ use proptest::test_runner::{Config, TestRunner};
 use stillray::oracle::analyze::{self, Analysis, BAYER, balanced, plan_pixel, sample_demand, stratum_mask};
 use stillray::oracle::camera::{pixel_index, pixels_in_order, tiles};
 use stillray::oracle::random::pixel_hash;
-use stillray::shaders::{self, Counters, FRAME_SETTLED, Frame};
+use stillray::shaders::{self, Counters, FRAME_PAPER_EDGES, FRAME_SETTLED, Frame};
 use support::kernel::{Kernel, blank, data, values};
 use support::masks::{random_density, random_masks, random_word};
 use support::random::{Random, SIZES};
@@ -43,7 +43,7 @@ fn random_frame(random: &mut Random, size: [u32; 2]) -> Frame {
         d_target: random_density(random),
         d_tolerance: random_density(random),
         occluded_limit: random.below(17),
-        flags: if random.chance(0.1) { FRAME_SETTLED } else { 0 },
+        flags: random.pick(&[0, 0, 0, FRAME_PAPER_EDGES, FRAME_PAPER_EDGES, FRAME_SETTLED]),
         ..Frame::zeroed()
     }
 }
@@ -133,6 +133,10 @@ fn wrong_twins_are_caught() {
     let denser = Frame { d_target: 3.0, ..frame };
     let papers = Analysis { plan: plan_with(&denser, &masks, |m| m, 0), ..analyze::analyze(&denser, &masks) };
     assert!(compare(&on_device(&kernel, &denser, &masks), &papers).is_err());
+    // Asked for, that rule is followed.
+    let asked = Frame { flags: FRAME_PAPER_EDGES, ..denser };
+    assert_eq!(analyze::analyze(&asked, &masks).plan, papers.plan);
+    assert_eq!(on_device(&kernel, &asked, &masks).plan, papers.plan);
     let all_visible: Vec<u32> = masks.iter().map(|m| (m >> 16) * 0x1_0001).collect();
     let plan = plan_with(&denser, &all_visible, |m| m, 0);
     assert_eq!(analyze::analyze(&denser, &all_visible).plan, plan, "where nothing is hidden it is the paper's");

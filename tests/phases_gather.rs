@@ -119,19 +119,34 @@ impl Inputs {
 
 struct Kernels {
     context: Context,
-    plain: Kernel,
-    aged: Kernel,
+    /// Plain, with ages, with sources, with both.
+    variants: [Kernel; 4],
 }
+
+/// What a variant does besides.
+#[derive(Clone, Copy)]
+struct With {
+    ages: bool,
+    sources: bool,
+}
+
+const PLAIN: With = With { ages: false, sources: false };
+const ALL: With = With { ages: true, sources: true };
+const VARIANTS: [With; 4] = [PLAIN, With { ages: true, ..PLAIN }, With { sources: true, ..PLAIN }, ALL];
 
 impl Kernels {
     fn new() -> Self {
         let context = support::validated_context();
-        let plain = Kernel::new(&context, &shaders::gather::SHADER);
-        let aged = Kernel::new(&context, &shaders::gather_age::SHADER);
-        Self { context, plain, aged }
+        let variants = [
+            &shaders::gather::SHADER,
+            &shaders::gather_age::SHADER,
+            &shaders::gather_source::SHADER,
+            &shaders::gather_age_source::SHADER,
+        ];
+        Self { variants: variants.map(|shader| Kernel::new(&context, shader)), context }
     }
 
-    fn run(&self, inputs: &Inputs, with_ages: bool) -> Gathered {
+    fn run(&self, inputs: &Inputs, with: With) -> Gathered {
         let (tiles, counters) = scan(&inputs.frame, &inputs.tiles);
         let mut bound = vec![
             data(&[inputs.frame]),
@@ -144,15 +159,19 @@ impl Kernels {
             blank::<Sample>(counters.samples as usize),
             blank::<u32>(inputs.plan.len() + 1),
         ];
-        if with_ages {
+        if with.ages {
             bound.push(data(&inputs.ages));
             bound.push(blank::<u32>(counters.samples as usize));
         }
+        if with.sources {
+            bound.push(blank::<u32>(counters.samples as usize));
+        }
         let [width, height] = inputs.frame.size;
-        let kernel = if with_ages { &self.aged } else { &self.plain };
+        let kernel = &self.variants[usize::from(with.ages) + 2 * usize::from(with.sources)];
         kernel.run(&mut bound, &[], [width, height, 1]);
-        let ages = if with_ages { values(&bound[10]) } else { Vec::new() };
-        Gathered { samples: values(&bound[7]), offsets: values(&bound[8]), ages }
+        let written = |there: bool, binding: usize| if there { values(&bound[binding]) } else { Vec::new() };
+        let sources = written(with.sources, if with.ages { 11 } else { 9 });
+        Gathered { samples: values(&bound[7]), offsets: values(&bound[8]), ages: written(with.ages, 10), sources }
     }
 }
 
@@ -165,7 +184,10 @@ fn compare(device: &Gathered, twin: &Gathered) -> Result<(), String> {
         let i = (0..twin.samples.len()).find(|&i| device.samples[i] != twin.samples[i]);
         return Err(format!("sample {i:?}"));
     }
-    if device.ages == twin.ages { Ok(()) } else { Err("ages".to_owned()) }
+    if device.ages != twin.ages {
+        return Err("ages".to_owned());
+    }
+    if device.sources == twin.sources { Ok(()) } else { Err("sources".to_owned()) }
 }
 
 #[test]
@@ -175,15 +197,18 @@ fn lists_are_the_twins() {
         let share = [1.0, 0.9, 0.5, 0.01, 2.0, 0.0][seed % 6];
         let inputs = Inputs::random(seed as u32, size, share);
         let twin = inputs.twin();
-        assert_eq!(compare(&kernels.run(&inputs, true), &twin), Ok(()), "{size:?} {share}");
-        let ageless = Gathered { ages: Vec::new(), ..twin };
-        assert_eq!(compare(&kernels.run(&inputs, false), &ageless), Ok(()), "{size:?} {share}");
+        for with in VARIANTS {
+            let mut twin = twin.clone();
+            twin.ages.truncate(if with.ages { usize::MAX } else { 0 });
+            twin.sources.truncate(if with.sources { usize::MAX } else { 0 });
+            assert_eq!(compare(&kernels.run(&inputs, with), &twin), Ok(()), "{size:?} {share}");
+        }
     }
     let config = Config { cases: 16, failure_persistence: None, ..Config::default() };
     let cases = (any::<u32>(), 1_u32..80, 1_u32..80, 0.0_f32..1.5);
     let outcome = TestRunner::new(config).run(&cases, |(seed, width, height, share)| {
         let inputs = Inputs::random(seed, [width, height], share);
-        prop_assert_eq!(compare(&kernels.run(&inputs, true), &inputs.twin()), Ok(()));
+        prop_assert_eq!(compare(&kernels.run(&inputs, ALL), &inputs.twin()), Ok(()));
         Ok(())
     });
     outcome.unwrap();
@@ -214,7 +239,7 @@ fn any_plan_is_followed() {
                 inputs.tiles[(pixel[1] / 8 * across + pixel[0] / 8) as usize] += plan.count_ones();
             }
             inputs.frame.capacity = inputs.tiles.iter().sum::<u32>() / (1 + kind % 2);
-            assert_eq!(compare(&kernels.run(&inputs, true), &inputs.twin()), Ok(()), "{size:?} plan {kind}");
+            assert_eq!(compare(&kernels.run(&inputs, ALL), &inputs.twin()), Ok(()), "{size:?} plan {kind}");
         }
     }
     support::assert_clean(&kernels.context);
@@ -224,7 +249,7 @@ fn any_plan_is_followed() {
 fn wrong_twins_are_caught() {
     let kernels = Kernels::new();
     let inputs = Inputs::random(5, [40, 30], 0.7);
-    let device = kernels.run(&inputs, true);
+    let device = kernels.run(&inputs, ALL);
     let twin = inputs.twin();
     assert_eq!(compare(&device, &twin), Ok(()));
     let mut off_by_one = twin.clone();
@@ -251,7 +276,7 @@ fn what_does_not_fit_is_given_up_evenly_and_the_least_urgent_first() {
     let kernels = Kernels::new();
     for (seed, share) in [(1, 0.99), (2, 0.6), (3, 0.25), (4, 0.001)] {
         let inputs = Inputs::random(seed, [61, 43], share);
-        let device = kernels.run(&inputs, false);
+        let device = kernels.run(&inputs, PLAIN);
         let total: u32 = inputs.tiles.iter().sum();
         let (capacity, listed) = (inputs.frame.capacity, *device.offsets.last().unwrap());
         assert!(total > capacity, "the case is one of overflow");

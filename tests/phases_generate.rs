@@ -15,7 +15,7 @@ fn on_device(kernel: &Kernel, frame: &Frame) -> Gathered {
     let pixels = (frame.size[0] * frame.size[1]) as usize;
     let mut bound = [data(&[*frame]), blank::<Sample>(pixels * frame.spp as usize), blank::<u32>(pixels + 1)];
     kernel.run(&mut bound, &[], [frame.size[0], frame.size[1], 1]);
-    Gathered { samples: values(&bound[1]), offsets: values(&bound[2]), ages: Vec::new() }
+    Gathered { samples: values(&bound[1]), offsets: values(&bound[2]), ..Gathered::default() }
 }
 
 fn same(a: &Gathered, b: &Gathered) -> bool {

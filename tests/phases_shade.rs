@@ -253,6 +253,26 @@ fn wrong_shading_is_caught() {
     support::assert_clean(&device.context);
 }
 
+#[test]
+fn chosen_lights_count_for_those_left_out_and_textures_need_not_be_filtered() {
+    let device = Device::new();
+    let list = random_list(&Theatre::new(SIZE), 5, 3000);
+    let plain = Theatre::filtered(SIZE, false);
+    for shadow_rays in [0, 1, 2, 5, 32] {
+        for nearest in [false, true] {
+            let mut theatre = Theatre::filtered(SIZE, nearest);
+            theatre.frame.shadow_rays = shadow_rays;
+            let got = device.run(&theatre, &list);
+            let wrong = |theatre: &Theatre| problems(&got, &twins(theatre, &list)).map(|p| p.1).next();
+            assert_eq!(wrong(&theatre), None, "{shadow_rays} rays, nearest {nearest}");
+            // Negative control: what was asked for is seen in the picture.
+            let same = !nearest && !(1..5).contains(&shadow_rays);
+            assert_eq!(wrong(&plain), (!same).then_some("colour"), "{shadow_rays} rays, nearest {nearest}");
+        }
+    }
+    support::assert_clean(&device.context);
+}
+
 /// Bits of lights that the frame does not have are not looked at, and those of lights behind the surface add nothing.
 #[test]
 fn stray_bits_add_nothing() {

@@ -11,10 +11,11 @@ use rayon::prelude::*;
 use stage_support::{Gallery, Theatre};
 use std::cell::Cell;
 use stillray::gpu::Context;
-use stillray::oracle::shadow::{Outcome, shadow, shadow_query};
+use stillray::oracle::shadow::{Outcome, chosen_lights, light_weight, shadow, shadow_query};
 use stillray::oracle::traverse::{Intersection, Query, any_with_alpha};
 use stillray::oracle::verify::verify;
-use stillray::shaders::{self, Counters, FOUND_LOST, Found, HIT_SKY, INFINITY_BITS, Light, OCCLUDED_BIT, SKY_INSTANCE};
+use stillray::shaders::{self, Counters, FOUND_LOST, Found, Frame, HIT_SKY, INFINITY_BITS, Light, OCCLUDED_BIT};
+use stillray::shaders::{SKY_INSTANCE, Sample};
 use support::kernel::{Kernel, blank, data, values};
 use support::random::Random;
 
@@ -51,6 +52,7 @@ impl Device {
             data(&theatre.lights),
             data(&padded),
             blank::<u32>(padded.len()),
+            data(&padded.iter().map(sample_of).collect::<Vec<_>>()),
         ];
         if self.alpha {
             bound.extend([data(&geometry.triangles), data(&theatre.materials), data(&geometry.vertices)]);
@@ -63,6 +65,11 @@ impl Device {
         assert_eq!(bytes_of(&Counters { shadow_rays: 1000, ..after }), bytes_of(&counters), "another count changed");
         (bits, after.shadow_rays - 1000)
     }
+}
+
+/// The sample that found this: somewhere, and the same wherever it is asked for.
+fn sample_of(found: &Found) -> Sample {
+    Sample { position: [found.u, found.v, found.primitive as f32], instance: found.instance }
 }
 
 /// What verification may have found: seen points, points anywhere on triangles, hidden and lost ones, and sky.
@@ -86,7 +93,7 @@ fn random_list(theatre: &Theatre, seed: u32, count: u32) -> Vec<Found> {
 }
 
 fn twins(theatre: &Theatre, list: &[Found], alpha: bool) -> Vec<Outcome> {
-    list.par_iter().map(|f| shadow(&theatre.stage(alpha), &theatre.lights, f)).collect()
+    list.par_iter().map(|f| shadow(&theatre.stage(alpha), &theatre.lights, &sample_of(f), f)).collect()
 }
 
 /// Whether a shadow ray is so near to an edge that its outcome changes when its ends are moved within their rounding.
@@ -212,6 +219,79 @@ fn wrong_answers_are_caught() {
     assert!(compare(&theatre, true, &list, &want, &wrong).is_err(), "a hidden sample lit");
     let wrong = (got.0.clone(), got.1 + 1);
     assert!(compare(&theatre, true, &list, &want, &wrong).is_err(), "one ray too many");
+    support::assert_clean(&device.context);
+}
+
+#[test]
+fn lights_are_chosen_as_the_twin_chooses_them() {
+    let mut theatre = Theatre::new(SIZE);
+    let device = Device::new(true);
+    let list = random_list(&theatre, 5, 2000);
+    let most = |rays: u32| if rays == 0 { 0 } else { rays.min(theatre.frame.light_count) };
+    let mut last = Vec::new();
+    for (rays, most) in [0, 1, 2, 4, 5, 32].map(|rays| (rays, most(rays))) {
+        theatre.frame.shadow_rays = rays;
+        let want = twins(&theatre, &list, true);
+        let got = device.run(&theatre, &list);
+        assert!(compare(&theatre, true, &list, &want, &got).is_ok(), "{rays} rays");
+        assert!(want.iter().all(|w| w.rays <= most) && (rays == 0) == (got.1 == 0), "{rays} rays");
+        let seeded = Frame { seed: 1, ..theatre.frame };
+        let other = std::mem::replace(&mut theatre.frame, seeded);
+        let reseeded = compare(&theatre, true, &list, &twins(&theatre, &list, true), &got);
+        theatre.frame = other;
+        assert_eq!(reseeded.is_err(), (1..5).contains(&rays), "another seed, {rays} rays");
+        last.push(got.0);
+    }
+    assert!(last[4] == last[5], "as many rays as lights are all that can be used");
+    // Without rays nothing is in shadow: all that some ray reaches is lit, and more.
+    assert!(last[0].iter().zip(&last[5]).all(|(open, lit)| lit & !open == 0) && last[0] != last[5]);
+    support::assert_clean(&device.context);
+}
+
+/// Each light counts, on average over many samples, as if it had been chosen for all of them; and so does each pair, so that
+/// no set is preferred.
+#[test]
+fn the_choice_is_unbiased_and_sticks_to_the_sample() {
+    const SAMPLES: u32 = 40_000;
+    let random = &mut Random::new(17);
+    for (light_count, shadow_rays) in [(5, 1), (5, 2), (32, 3), (3, 2), (7, 7), (4, 0)] {
+        let frame = Frame { light_count, shadow_rays, seed: random.bits(), ..Frame::default() };
+        let sample = |random: &mut Random| Sample { position: random.direction(), instance: random.below(9) };
+        let chosen: Vec<Vec<bool>> = (0..SAMPLES)
+            .map(|_| {
+                let sample = sample(random);
+                let chosen = chosen_lights(&frame, &sample);
+                let hidden = Sample { instance: sample.instance | OCCLUDED_BIT, ..sample };
+                assert_eq!(chosen, chosen_lights(&frame, &hidden), "whether it was hidden does not matter");
+                chosen
+            })
+            .collect();
+        let (lights, rays) = (f64::from(light_count), chosen[0].iter().filter(|c| **c).count() as f64);
+        assert!(chosen.iter().all(|c| c.iter().filter(|c| **c).count() as f64 == rays));
+        assert_eq!(light_weight(&frame) * rays, lights, "all weights together are the number of lights");
+        // Five standard deviations of a mean of 0 and 1 with this probability: one in 1.7 million, times some 600 checks.
+        let fits = |p: f64, found: f64| (found - p).abs() <= 5.0 * (p * (1.0 - p) / f64::from(SAMPLES)).sqrt() + 1e-12;
+        let share = |of: &dyn Fn(&[bool]) -> bool| chosen.iter().filter(|c| of(c)).count() as f64 / f64::from(SAMPLES);
+        for i in 0..light_count as usize {
+            assert!(fits(rays / lights, share(&|c| c[i])), "light {i} of {lights}");
+            let both = rays / lights * (rays - 1.0) / (lights - 1.0);
+            for j in 0..i {
+                assert!(fits(both, share(&|c| c[i] && c[j])), "lights {i} and {j} of {lights}");
+            }
+            // Negative control.
+            assert!(!fits(rays / lights + 0.02, share(&|c| c[i])));
+        }
+    }
+}
+
+#[test]
+fn unfiltered_masks_cast_unfiltered_shadows() {
+    let device = Device::new(true);
+    let (filtered, nearest) = (Theatre::filtered(SIZE, false), Theatre::filtered(SIZE, true));
+    let list = random_list(&filtered, 6, 8000);
+    let got = device.run(&nearest, &list);
+    assert!(compare(&nearest, true, &list, &twins(&nearest, &list, true), &got).is_ok());
+    assert!(compare(&filtered, true, &list, &twins(&filtered, &list, true), &got).is_err(), "negative control");
     support::assert_clean(&device.context);
 }
 

@@ -247,6 +247,17 @@ fn the_device_finds_what_the_twin_finds() {
 }
 
 #[test]
+fn unfiltered_masks_let_other_rays_through() {
+    let device = Device::new(true);
+    let (filtered, nearest) = (Theatre::filtered(SIZE, false), Theatre::filtered(SIZE, true));
+    let before = samples(&filtered, 6, 8000, true);
+    let got = device.run(&nearest, &before);
+    assert!(compare(&nearest, &before, &twins(&nearest, &before, true), &got).is_ok());
+    assert!(compare(&filtered, &before, &twins(&filtered, &before, true), &got).is_err(), "negative control");
+    support::assert_clean(&device.context);
+}
+
+#[test]
 fn alpha_is_looked_at_by_its_variant_only() {
     let theatre = Theatre::new(SIZE);
     let before: Vec<Sample> = samples(&theatre, 5, 4000, false);

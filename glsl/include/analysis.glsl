@@ -29,7 +29,8 @@ uint window_count(uint near[9]) {
 // they are missing. Elsewhere, and for a camera that only turns or zooms, samples are left alone. It costs reuse at edges: of
 // a hairball at density 4, panned, 91 % of the samples are reused instead of 97 %, and its mean radiance is, after ten
 // frames, within 0.3 % of the reference instead of 1.4 % too bright. What is left in the first frames of a movement
-// is that verification comes after the analysis: what was covered just now is counted as there.
+// is that verification comes after the analysis: what was covered just now is counted as there. FRAME_PAPER_EDGES has it the
+// paper's way.
 bool window_hides(uint near[9]) {
     uint turned[9];
     for (int i = 0; i < 9; ++i) {

@@ -3,6 +3,7 @@
 // The entry shader declares, before it includes this:
 //     uniform sampler2DArray atlas;        // RGBA8 unorm: all images (src/scene/atlas.rs)
 //     buffer ... { float data[256]; } srgb;  // atlas::srgb_table(): sRGB code to linear, each value rounded once
+// and may define READ_NEAREST: whether all textures are read as those that ask for their nearest texel.
 //
 // Level 0 only, nearest or bilinear: there are no mip maps. Every method here takes several samples a pixel over time, and
 // a cached sample's colour must not depend on the footprint it was first seen with.
@@ -11,6 +12,10 @@
 #define STILLRAY_TEXTURE
 
 #include "types.glsl"
+
+#ifndef READ_NEAREST
+#define READ_NEAREST false
+#endif
 
 const uint WRAP_REPEAT = 0u;
 const uint WRAP_MIRROR = 1u;
@@ -56,7 +61,7 @@ vec4 sample_texture(TextureSlot slot, vec2 uv0, vec2 uv1, bool is_srgb) {
     vec2 uv = (slot.flags & 32u) != 0u ? uv1 : uv0;
     uvec2 size = uvec2(slot.texel_size & 0xffffu, slot.texel_size >> 16);
     uvec2 mode = uvec2(slot.flags & 3u, (slot.flags >> 2) & 3u);
-    bool nearest = (slot.flags & 16u) != 0u;
+    bool nearest = READ_NEAREST || (slot.flags & 16u) != 0u;
     precise float u = (slot.transform.x * uv.x + slot.transform.y * uv.y) + slot.offset.x;
     precise float v = (slot.transform.z * uv.x + slot.transform.w * uv.y) + slot.offset.y;
     precise vec2 at = vec2(u * float(size.x), v * float(size.y)) - (nearest ? 0.0 : 0.5);

@@ -27,6 +27,8 @@ struct Found {
 
 const uint FOUND_LOST = 0xfffffffdu;
 
+const uint NO_SOURCE = 0xffffffffu;  // of a sample that no sample of the last frame was before
+
 // What a ray found.
 struct Hit {
     uint primitive;  // global triangle slot in leaf order, or one of the marks below
@@ -186,11 +188,13 @@ struct Frame {
     uint alpha_seed;       // varies the hashed alpha threshold; constant where samples are kept
     uint spp;              // methods that keep no samples: samples a pixel
     uint jitter;           // methods that keep no samples: varies the sample positions
+    uint shadow_rays;      // a sample and frame at most; 0: every light reaches
     uint padding0;
-    uint padding1;
 };
 
 const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut
 const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sampling pattern as it is
+const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hidden samples too
+const uint FRAME_NEAREST = 8u;  // textures are not filtered
 
 #endif

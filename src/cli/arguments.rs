@@ -83,7 +83,7 @@ fn method_named(name: &str) -> Result<Method, String> {
 
 /// The name of an AOV.
 pub fn aov() -> impl TypedValueParser<Value = Aov> {
-    named([("depth", Aov::Depth), ("motion", Aov::Motion), ("density", Aov::Density), ("age", Aov::Age)])
+    named(Aov::ALL.map(|aov| (aov.name(), aov)))
 }
 
 /// The name of a camera motion.

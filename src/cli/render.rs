@@ -69,7 +69,8 @@ pub struct Render {
         hide_possible_values = true
     )]
     format: Vec<Format>,
-    /// Layers to add to EXR files: distance in metres, motion in pixels, samples evicted, added and kept, age in frames
+    /// Layers to add to EXR files: distance in metres, motion in pixels, samples evicted, added and kept, age in frames,
+    /// samples changed
     #[arg(long, value_name = "LAYERS", value_delimiter = ',', action = ArgAction::Set, value_parser = aov())]
     aov: Vec<Aov>,
     /// EXR colour in 32-bit floats instead of 16-bit ones

@@ -4,7 +4,7 @@ use super::SLOTS;
 use super::storage::Storage;
 use crate::gpu::buffer::check_range;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Place, Range, Resource};
-use crate::phase::{AovResources, FrameResources, HistoryResources};
+use crate::phase::{AovResources, FrameResources, HistoryResources, Memory};
 use crate::settings::{Aov, Settings};
 use crate::shaders::{Counters, Frame, Instance, Light};
 use crate::{Error, Result};
@@ -22,6 +22,8 @@ pub struct FrameBuffers {
     histories: Vec<Buffer>,
     caches: Vec<Buffer>,
     ages: Vec<Buffer>,
+    sources: Option<Buffer>,
+    reached: Vec<Buffer>,
     counters: Buffer,
     masks: Buffer,
     plan: Buffer,
@@ -69,6 +71,8 @@ impl FrameBuffers {
             histories: many("history", storage.history, storage.histories)?,
             caches: many("sample caches", storage.samples, storage.caches)?,
             ages: many("sample ages", storage.ages, if storage.ages > 0 { storage.caches } else { 0 })?,
+            sources: if storage.memory > 0 { Some(make("sample changes", storage.memory)?) } else { None },
+            reached: many("sample changes", storage.memory, if storage.memory > 0 { storage.caches } else { 0 })?,
             counters: make("counters", size_of::<Counters>() as u64)?,
             masks: make("masks and plan", storage.masks)?,
             plan: make("masks and plan", storage.masks)?,
@@ -104,6 +108,7 @@ impl FrameBuffers {
             samples: cache("samples", slot),
             previous_ages: ages("previous ages", SLOTS - 1 - slot),
             ages: ages("ages", slot),
+            memory: self.memory(slot),
             claims: shared("claims", 0, s.claims),
             masks: Range::whole("masks", &self.masks),
             plan: Range::whole("plan", &self.plan),
@@ -138,6 +143,15 @@ impl FrameBuffers {
         }
     }
 
+    fn memory(&self, slot: usize) -> Option<Memory> {
+        let reached = |name, slot: usize| Some(Range::whole(name, self.reached.get(slot)?));
+        Some(Memory {
+            sources: Range::whole("sources", self.sources.as_ref()?),
+            previous_reached: reached("previous reached", SLOTS - 1 - slot)?,
+            reached: reached("reached", slot)?,
+        })
+    }
+
     fn aov_resources(&self) -> Option<AovResources> {
         let image = |aov: Aov| {
             let index = Aov::ALL.iter().position(|a| *a == aov)?;
@@ -148,6 +162,7 @@ impl FrameBuffers {
             motion: image(Aov::Motion)?,
             density: image(Aov::Density)?,
             age: image(Aov::Age)?,
+            changes: image(Aov::Changes)?,
         })
     }
 }

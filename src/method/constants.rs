@@ -2,7 +2,7 @@
 
 use super::storage::Storage;
 use crate::scene::{Environment, Light, LightKind, LightPose, View};
-use crate::settings::{Method, Settings};
+use crate::settings::{Edges, Filter, Method, Settings};
 use crate::shaders;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -44,6 +44,12 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     if moment.settled {
         flags |= shaders::FRAME_SETTLED;
     }
+    if settings.edges == Edges::Paper {
+        flags |= shaders::FRAME_PAPER_EDGES;
+    }
+    if settings.texture_filter == Filter::Nearest {
+        flags |= shaders::FRAME_NEAREST;
+    }
     shaders::Frame {
         right,
         up,
@@ -65,6 +71,7 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         alpha_seed: variation,
         spp: settings.spp,
         jitter: variation,
+        shadow_rays: settings.shadow_rays,
         ..Default::default()
     }
 }

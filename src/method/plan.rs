@@ -4,7 +4,7 @@ use crate::Result;
 use crate::gpu::pass::{self, Barrier, Pass, Work};
 use crate::gpu::{Range, Resource};
 use crate::phase::{self, FrameResources, Kit, SceneResources};
-use crate::settings::{Sampling, Settings};
+use crate::settings::{Aov, Sampling, Settings};
 use crate::shaders::Access;
 
 /// A frame: passes in order, and the barrier before each.
@@ -54,6 +54,9 @@ pub fn plan(
         passes.push(phase::retain::pass(kit, f, s)?);
     }
     passes.push(phase::shadow::pass(kit, f, s)?);
+    if let Some(images) = f.aovs.as_ref().filter(|_| settings.aovs.contains(&Aov::Changes)) {
+        passes.push(phase::changes::pass(kit, f, images)?);
+    }
     passes.push(phase::shade::pass(kit, f, s)?);
     passes.push(phase::reconstruct::pass(kit, f, settings.method.accumulates())?);
     passes.push(match &f.history {

@@ -42,6 +42,8 @@ pub struct Storage {
     pub caches: u64,
     /// Ages of one cache, 0 if not asked for.
     pub ages: u64,
+    /// Sources of the samples, and as much for what reached each of one cache; 0 if not asked for.
+    pub memory: u64,
     /// Claims, 0 if samples are not reprojected.
     pub claims: u64,
     /// Masks, and as much again for the plan; 0 if samples are not reprojected.
@@ -105,6 +107,7 @@ impl Storage {
             samples: capacity * size_of::<Sample>() as u64,
             caches: if settings.method.reprojects() { 2 } else { 1 },
             ages: if stable && settings.aovs.contains(&Aov::Age) { capacity * 4 } else { 0 },
+            memory: if stable && settings.aovs.contains(&Aov::Changes) { capacity * 4 } else { 0 },
             claims,
             masks: if stable { pixels * 4 } else { 0 },
             tile_sums: if stable { tiles * 4 } else { 0 },
@@ -144,6 +147,7 @@ impl Storage {
             ("the film", self.film),
             ("the sample ages", self.ages),
             ("the history", self.history),
+            ("what is remembered of the samples", self.memory),
             ("the pixels' offsets", self.offsets),
             ("the pixels' masks", self.masks),
             ("the pixels' aims", self.aims),

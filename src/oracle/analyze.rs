@@ -6,7 +6,7 @@
 
 use super::camera::{self, M, TILE};
 use super::random::{hash_combine, hash_uint, pixel_hash, unit_float};
-use crate::shaders::{Counters, FRAME_SETTLED, Frame};
+use crate::shaders::{Counters, FRAME_PAPER_EDGES, FRAME_SETTLED, Frame};
 
 /// Outcome of the phase.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +51,8 @@ pub fn analyze(frame: &Frame, masks: &[u32]) -> Analysis {
 fn word_and_demand(frame: &Frame, pixel: [u32; 2], word: u32, masks: &[u32], h: u32) -> (u32, i32) {
     let visible = |word: u32| word >> 16;
     let hidden = |word: u32| word & 0xffff & !visible(word);
-    if frame.d_target < 1.0 || window(pixel, frame.size, masks, hidden).0 == 0 {
+    let paper = frame.d_target < 1.0 || frame.flags & FRAME_PAPER_EDGES != 0;
+    if paper || window(pixel, frame.size, masks, hidden).0 == 0 {
         let (count, quarters) = window(pixel, frame.size, masks, visible);
         return (word, sample_demand(count, quarters, frame.d_target, frame.d_tolerance, pixel));
     }

@@ -8,6 +8,8 @@ use super::reproject::Reprojected;
 use super::scan::thinned;
 use crate::shaders::{Frame, INSTANCE_MASK, NEW_INSTANCE, Sample};
 
+pub use crate::shaders::NO_SOURCE;
+
 /// A cache: samples in pixel order, with the frames that each has lived.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Gathered {
@@ -17,6 +19,8 @@ pub struct Gathered {
     pub offsets: Vec<u32>,
     /// Frames since each was added, 0 for a new one. Empty if no ages were given.
     pub ages: Vec<u32>,
+    /// Which of the last frame's samples each is, [`NO_SOURCE`] for a new one.
+    pub sources: Vec<u32>,
 }
 
 /// Builds the list for `plan`, of which each pixel gives up its part if `thin` is not 0 (see [`super::scan`]).
@@ -40,12 +44,14 @@ pub fn gather(
                     let [x, y] = new_position(pixel, subpixel, pixel_hash(pixel, frame.frame, !frame.seed));
                     out.samples.push(Sample { position: [x, y, 0.0], instance: NEW_INSTANCE });
                     out.ages.extend(ages.first().map(|_| 0));
+                    out.sources.push(NO_SOURCE);
                 }
                 Entry::Kept(subpixel) => {
                     let claim = reprojected.claims[index * (M * M) as usize + subpixel as usize];
                     let source = (claim & INSTANCE_MASK) as usize;
                     out.samples.push(previous[source]);
                     out.ages.extend(ages.get(source).map(|age| age.saturating_add(1)));
+                    out.sources.push(source as u32);
                 }
             }
         }

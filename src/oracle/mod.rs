@@ -3,6 +3,7 @@ pub mod analyze;
 pub mod aov;
 pub mod bounded;
 pub mod camera;
+pub mod changes;
 pub mod gather;
 pub mod generate;
 pub mod random;

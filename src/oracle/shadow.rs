@@ -4,9 +4,12 @@ use std::cell::Cell;
 
 use glam::Vec3;
 
+use super::random::{hash_combine, hash_uint};
 use super::stage::{Stage, U, normal_error};
 use super::traverse::{Intersection, Query, any_with_alpha, offset_origin};
-use crate::shaders::{FOUND_LOST, Found, LIGHT_DIRECTIONAL, Light, OCCLUDED_BIT, SKY_INSTANCE};
+use crate::shaders::{
+    FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, Light, OCCLUDED_BIT, SKY_INSTANCE, Sample,
+};
 
 /// What a sample's shadow rays found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -19,15 +22,21 @@ pub struct Outcome {
     pub doubtful: u32,
 }
 
-/// Traces the rays of one entry of the list; none for what is hidden, lost or sky.
-pub fn shadow(stage: &Stage<'_>, lights: &[Light], found: &Found) -> Outcome {
+/// Traces the rays of one entry of the list; none for what is hidden, lost or sky. Lights that are not chosen reach nothing;
+/// without rays (`shadow_rays` 0) all reach that are before the surface.
+pub fn shadow(stage: &Stage<'_>, lights: &[Light], sample: &Sample, found: &Found) -> Outcome {
     let mut outcome = Outcome::default();
     if found.primitive == FOUND_LOST || found.instance & OCCLUDED_BIT != 0 || found.instance == SKY_INSTANCE {
         return outcome;
     }
-    for (i, light) in lights.iter().enumerate().take(stage.frame.light_count as usize) {
+    let untraced = stage.frame.shadow_rays == 0;
+    let chosen = chosen_lights(stage.frame, sample);
+    for (i, light) in lights.iter().enumerate().filter(|(i, _)| chosen.get(*i).is_some_and(|c| *c)) {
         let doubtful = Cell::new(false);
-        if let Some(query) = shadow_query(stage, light, found, &doubtful) {
+        let query = shadow_query(stage, light, found, &doubtful);
+        if untraced {
+            outcome.bits |= u32::from(query.is_some()) << i;
+        } else if let Some(query) = query {
             outcome.rays += 1;
             let exists = |hit: &Intersection| stage.alpha_hit(hit, &doubtful);
             outcome.bits |= u32::from(!any_with_alpha(&stage.world, &query, &exists)) << i;
@@ -35,6 +44,28 @@ pub fn shadow(stage: &Stage<'_>, lights: &[Light], found: &Found) -> Outcome {
         outcome.doubtful |= u32::from(doubtful.get()) << i;
     }
     outcome
+}
+
+/// Which lights of the frame are chosen for a sample: as many as it has rays, by a hash of where it lies on its surface, and
+/// all of them if there are no rays at all.
+pub fn chosen_lights(frame: &Frame, sample: &Sample) -> Vec<bool> {
+    let lights = frame.light_count;
+    let mut wanted = if frame.shadow_rays == 0 { lights } else { frame.shadow_rays.min(lights) };
+    let [x, y, z] = sample.position.map(f32::to_bits);
+    let mut h = [sample.instance & INSTANCE_MASK, x, y, z].into_iter().fold(frame.seed, hash_combine);
+    let mut choose = |left: u32| {
+        h = hash_uint(h);
+        let chosen = h % left < wanted;
+        wanted -= u32::from(chosen);
+        chosen
+    };
+    (1..=lights).rev().map(&mut choose).collect()
+}
+
+/// For how many lights each chosen one counts.
+pub fn light_weight(frame: &Frame) -> f64 {
+    let (lights, rays) = (frame.light_count, frame.shadow_rays);
+    if rays == 0 || rays >= lights { 1.0 } else { f64::from(lights) / f64::from(rays) }
 }
 
 /// The ray from a found point to a light; none to a light behind the surface. Sets `doubtful` where the side that the

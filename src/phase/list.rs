@@ -4,7 +4,7 @@
 use super::{FrameResources, Kit, b};
 use crate::Result;
 use crate::gpu::{Pass, Threads};
-use crate::shaders::{gather, gather_age, scan};
+use crate::shaders::{gather, gather_age, gather_age_source, gather_source, scan};
 
 /// Prefix sum, then gathering.
 ///
@@ -32,10 +32,14 @@ fn gather_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
         offsets: b(f.offsets),
     }
     .list();
-    let mut shader = &gather::SHADER;
-    if let (Some(previous), Some(ages)) = (f.previous_ages, f.ages) {
-        list.extend([b(previous), b(ages)]);
-        shader = &gather_age::SHADER;
-    }
+    let ages = f.previous_ages.zip(f.ages);
+    let shader = match (ages, f.memory) {
+        (None, None) => &gather::SHADER,
+        (Some(_), None) => &gather_age::SHADER,
+        (None, Some(_)) => &gather_source::SHADER,
+        (Some(_), Some(_)) => &gather_age_source::SHADER,
+    };
+    list.extend(ages.into_iter().flat_map(|(previous, now)| [b(previous), b(now)]));
+    list.extend(f.memory.map(|memory| b(memory.sources)));
     kit.dispatch("list", shader, &list, &[], f.pixels())
 }

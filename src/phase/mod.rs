@@ -11,6 +11,7 @@
 //! | [`verify`] | 4.3 | sample | samples, geometry | found, samples |
 //! | [`retain`] | 4.3 | pixel | found | found, samples |
 //! | [`shadow`] | 4.3 | sample | found, geometry, lights | lit |
+//! | [`changes`] | | pixel | samples of both frames, lit, masks, plan | image |
 //! | [`shade`] | 4.3 | sample | found, lit, materials, lights | shaded |
 //! | [`reconstruct`] | 4.4 | pixel | shaded, offsets | film, motion |
 //! | [`resolve`] | | pixel | film | colour image |
@@ -19,6 +20,7 @@
 
 pub mod analyze;
 pub mod aov;
+pub mod changes;
 pub mod generate;
 pub mod list;
 pub mod reconstruct;
@@ -102,6 +104,8 @@ pub struct FrameResources {
     pub previous_ages: Option<Range>,
     /// Frames that each sample of `samples` has lived.
     pub ages: Option<Range>,
+    /// What is remembered for [`changes`], if asked for by a method that keeps samples.
+    pub memory: Option<Memory>,
     /// 16 words a pixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
     pub claims: Range,
     /// Two floats a pixel, with point tracking: where the ray of each pixel goes, in pixels.
@@ -146,6 +150,17 @@ pub enum HistoryResources {
     Frames(Range),
 }
 
+/// What samples were in the last frame: a word a sample each.
+#[derive(Debug, Clone, Copy)]
+pub struct Memory {
+    /// Which sample of `previous` each of `samples` is.
+    pub sources: Range,
+    /// The lights that reached each sample of `previous`.
+    pub previous_reached: Range,
+    /// The lights that reach each sample of `samples`.
+    pub reached: Range,
+}
+
 /// One image an AOV.
 #[derive(Debug, Clone, Copy)]
 pub struct AovResources {
@@ -157,6 +172,8 @@ pub struct AovResources {
     pub density: Resource,
     /// R32_SFLOAT.
     pub age: Resource,
+    /// R32G32B32A32_SFLOAT.
+    pub changes: Resource,
 }
 
 impl FrameResources {

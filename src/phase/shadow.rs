@@ -20,6 +20,7 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         lights: b(f.lights),
         found: b(f.found),
         lit: b(f.lit),
+        samples: b(f.samples),
     }
     .list();
     if s.alpha {

@@ -47,14 +47,15 @@ impl Exr {
         exr
     }
 
-    /// Adds an AOV as a layer of 32-bit channels: `depth.Z`, `motion.X` and `.Y`, `density.R`, `.G` and `.B`, `age.V`.
-    /// The pixels must be as many as the picture has.
+    /// Adds an AOV as a layer of 32-bit channels: `depth.Z`, `motion.X` and `.Y`, `density.R`, `.G` and `.B`, `age.V`,
+    /// `changes.R`, `.G`, `.B` and `.A`. The pixels must be as many as the picture has.
     pub fn push_aov(&mut self, aov: Aov, pixels: &Pixels) {
         let names: &[&str] = match aov {
             Aov::Depth => &["depth.Z"],
             Aov::Motion => &["motion.X", "motion.Y"],
             Aov::Density => &["density.R", "density.G", "density.B"],
             Aov::Age => &["age.V"],
+            Aov::Changes => &["changes.R", "changes.G", "changes.B", "changes.A"],
         };
         self.push(names, pixels, false);
     }

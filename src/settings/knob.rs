@@ -3,7 +3,7 @@
 //! A knob registers itself by being in [`KNOBS`]. Nothing else has to know of it: the range check, the settings file, the
 //! command line, the reports and the search for good trades go through the table.
 
-use super::{HistoryFilter, Method, Precision, Sampling, Settings, Temporal};
+use super::{Edges, Filter, HistoryFilter, Method, Precision, Sampling, Settings, Temporal};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -235,6 +235,46 @@ pub static KNOBS: &[Knob] = &[
         applies: averaged,
         rays: false,
         ladder: &[Count(1), Count(2), Count(3)],
+    },
+    Knob {
+        name: "edges",
+        about: "what decides about samples where surfaces move against each other",
+        unit: "",
+        trades: "balanced: from density 1 on each pixel fills its own strata there, so that edges in front do not weigh too \
+                 much; paper: the density of the window (Equation 1), with more reuse and less flicker",
+        domain: Domain::Choice {
+            names: || Edges::ALL.map(|e| e.1).to_vec(),
+            get: |s| Edges::ALL.iter().position(|e| e.0 == s.edges).unwrap_or_default(),
+            set: |s, i| s.edges = Edges::ALL.get(i).map_or(s.edges, |e| e.0),
+        },
+        applies: analysed,
+        rays: true,
+        ladder: &[Choice("balanced"), Choice("paper")],
+    },
+    Knob {
+        name: "texture.filter",
+        about: "how textures are read",
+        unit: "",
+        trades: "linear: a blend of four texels; nearest: one texel, cheaper, with more aliasing",
+        domain: Domain::Choice {
+            names: || Filter::ALL.map(|f| f.1).to_vec(),
+            get: |s| Filter::ALL.iter().position(|f| f.0 == s.texture_filter).unwrap_or_default(),
+            set: |s, i| s.texture_filter = Filter::ALL.get(i).map_or(s.texture_filter, |f| f.0),
+        },
+        applies: any,
+        rays: false,
+        ladder: &[Choice("linear"), Choice("nearest")],
+    },
+    Knob {
+        name: "shadow.rays",
+        about: "lights at most that are chosen for a sample and get a shadow ray",
+        unit: "rays/sample",
+        trades: "fewer than there are lights: less time for noise, which sticks to the samples that live on; 0: no shadows at \
+                 all",
+        domain: Domain::Count { min: 0, max: 32, at: |s| &mut s.shadow_rays },
+        applies: any,
+        rays: true,
+        ladder: &[Count(0), Count(1), Count(2), Count(4), Count(32)],
     },
     Knob {
         name: "float_output",

@@ -30,6 +30,12 @@ pub struct Settings {
     pub box_frames: u32,
     /// Seeds all random choices.
     pub seed: u32,
+    /// `stable`: what decides about samples where surfaces move against each other.
+    pub edges: Edges,
+    /// How textures are read.
+    pub texture_filter: Filter,
+    /// Lights at most, 0 to 32, that are chosen for each sample to send a shadow ray to; 0: no shadows.
+    pub shadow_rays: u32,
     /// 32-bit float output instead of 16-bit.
     pub float_output: bool,
     /// Which images besides colour are written.
@@ -47,6 +53,9 @@ impl Default for Settings {
             jitter: false,
             history: History::default(),
             box_frames: 1,
+            edges: Edges::Balanced,
+            texture_filter: Filter::Linear,
+            shadow_rays: 32,
             seed: 0,
             float_output: false,
             aovs: Vec::new(),
@@ -188,6 +197,34 @@ impl Precision {
     }
 }
 
+/// What decides about samples next to hidden ones.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Edges {
+    /// Each pixel fills its own strata, from density 1 on (see `glsl/include/analysis.glsl`).
+    Balanced,
+    /// The density of the window, as everywhere: paper 1, Equation 1.
+    Paper,
+}
+
+impl Edges {
+    /// All of them with their names.
+    pub const ALL: [(Self, &str); 2] = [(Self::Balanced, "balanced"), (Self::Paper, "paper")];
+}
+
+/// How textures are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Filter {
+    /// As the scene has it: bilinear unless a texture asks for its nearest texel.
+    Linear,
+    /// The nearest texel of every texture.
+    Nearest,
+}
+
+impl Filter {
+    /// All of them with their names.
+    pub const ALL: [(Self, &str); 2] = [(Self::Linear, "linear"), (Self::Nearest, "nearest")];
+}
+
 /// Where the samples of a frame come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sampling {
@@ -262,11 +299,15 @@ pub enum Aov {
     Density,
     /// Frames that the pixel's oldest sample has lived. R32_SFLOAT.
     Age,
+    /// Samples that are not as they were in the last frame. Red: new; green: evicted by the analysis; blue: hidden now and
+    /// not before or the reverse, lost, or replaced; alpha: seen in both frames, but another set of lights reaches them.
+    /// Samples of methods other than `stable` have no identity from frame to frame: all are new. R32G32B32A32_SFLOAT.
+    Changes,
 }
 
 impl Aov {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Depth, Self::Motion, Self::Density, Self::Age];
+    pub const ALL: [Self; 5] = [Self::Depth, Self::Motion, Self::Density, Self::Age, Self::Changes];
 
     /// As the command line spells it.
     pub fn name(self) -> &'static str {
@@ -275,6 +316,7 @@ impl Aov {
             Self::Motion => "motion",
             Self::Density => "density",
             Self::Age => "age",
+            Self::Changes => "changes",
         }
     }
 
@@ -283,7 +325,7 @@ impl Aov {
         match self {
             Self::Depth | Self::Age => 1,
             Self::Motion => 2,
-            Self::Density => 4,
+            Self::Density | Self::Changes => 4,
         }
     }
 

@@ -18,7 +18,7 @@ use stillray::oracle::traverse::World;
 use stillray::progress::Quiet;
 use stillray::scene::atlas::{Atlas, material_records, srgb_table};
 use stillray::scene::{self, AlphaMode, Light, LightKind, LightPose, Mesh, Scene, TextureRef};
-use stillray::shaders::{self, Frame, NEW_INSTANCE, Sample};
+use stillray::shaders::{self, FRAME_NEAREST, Frame, NEW_INSTANCE, Sample};
 
 /// Materials of the scene, by index.
 pub const OPAQUE: usize = 0;
@@ -195,12 +195,24 @@ impl Theatre {
             environment: [0.3, 0.4, 0.6, 0.0],
             size,
             light_count: lights.len() as u32,
+            shadow_rays: 32,
             instance_count: instances.len() as u32,
             ..Frame::default()
         };
         let materials = material_records(&scene, &atlas);
         let textures = Textures::new(Atlas::pack(&scene.images, 64, 4).unwrap());
         Self { scene, geometry, tlas, instances, materials, atlas, textures, lights, frame }
+    }
+
+    /// Textures are filtered where the scene has it so, and with `nearest` nowhere.
+    pub fn filtered(size: [u32; 2], nearest: bool) -> Self {
+        let mut theatre = Self::new(size);
+        theatre.materials.iter_mut().for_each(|m| m.base_color_texture.flags &= !16);
+        if nearest {
+            theatre.frame.flags |= FRAME_NEAREST;
+            theatre.textures = Textures::nearest(Atlas::pack(&theatre.scene.images, 64, 4).unwrap());
+        }
+        theatre
     }
 
     pub fn stage(&self, alpha: bool) -> Stage<'_> {

@@ -10,6 +10,7 @@ use super::light::light_at;
 use super::material::{Surface, surface_at};
 use crate::oracle::bounded::Bounded;
 use crate::oracle::camera::{Projection, project_within, transform_bounded};
+use crate::oracle::shadow::light_weight;
 use crate::oracle::stage::{Stage, U, normal_error};
 use crate::oracle::traverse::transform_point;
 use crate::shaders::{
@@ -140,15 +141,17 @@ fn reflected(
     let mut radiance = surface.emissive + ambient;
     let mut error = 4.0 * COLOR * surface.emissive.max(DVec3::ONE) + environment * (uniform_error + COLOR);
     let mut unsure = false;
+    let weight = light_weight(frame);
     for light in (0..frame.light_count).filter(|i| lit >> i & 1 != 0).map(|i| &lights[i as usize]) {
-        let incident = light_at(light, position.to_array());
+        let mut incident = light_at(light, position.to_array());
+        incident.irradiance *= weight;
         let part = reflector.reflect_light(surface.normal, view, incident.direction);
         let directions = (surface.normal, view, incident.direction);
         let reflection = reflection_error(reflector, bounds, directions, albedo);
         let bare =
             light_at(&Light { inv_range2: 0.0, kind: light.kind & LIGHT_DIRECTIONAL, ..*light }, position.to_array());
         let cone = if light.kind == LIGHT_SPOT { f64::from(light.spot_scale).abs() } else { 0.0 };
-        let irradiance_error = bare.irradiance * (40.0 + 64.0 + 64.0 * (1.0 + cone)) * U;
+        let irradiance_error = weight * bare.irradiance * (41.0 + 64.0 + 64.0 * (1.0 + cone)) * U;
         radiance += part * incident.irradiance;
         let Some((relative, absolute)) = reflection else {
             unsure |= incident.irradiance != DVec3::ZERO;

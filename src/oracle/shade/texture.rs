@@ -4,17 +4,27 @@ use crate::scene::atlas::{Atlas, srgb_table};
 use crate::shaders::TextureSlot;
 use glam::DVec4;
 
+/// The flag of a slot that is read at its nearest texel.
+const NEAREST: u32 = 16;
+
 /// All images of a scene, as the shader sees them.
 #[derive(Debug)]
 pub struct Textures {
     atlas: Atlas,
     srgb: Vec<f32>,
+    /// Set in the flags of every slot.
+    forced: u32,
 }
 
 impl Textures {
     /// Images to sample from.
     pub fn new(atlas: Atlas) -> Self {
-        Self { atlas, srgb: srgb_table() }
+        Self { atlas, srgb: srgb_table(), forced: 0 }
+    }
+
+    /// The same, all read as those that ask for their nearest texel.
+    pub fn nearest(atlas: Atlas) -> Self {
+        Self { forced: NEAREST, ..Self::new(atlas) }
     }
 
     fn fetch(&self, slot: &TextureSlot, x: u32, y: u32, is_srgb: bool) -> DVec4 {
@@ -26,6 +36,7 @@ impl Textures {
 
     /// The texture of `slot`, which has one, at the vertex's texture coordinates.
     pub fn sample(&self, slot: &TextureSlot, uv0: [f32; 2], uv1: [f32; 2], is_srgb: bool) -> DVec4 {
+        let slot = &TextureSlot { flags: slot.flags | self.forced, ..*slot };
         let taps = taps(slot, if slot.flags & 32 != 0 { uv1 } else { uv0 });
         let [x, y] = taps.weight.map(f64::from);
         let texel = |i: usize, j: usize| self.fetch(slot, taps.columns[i], taps.rows[j], is_srgb);
@@ -49,7 +60,7 @@ pub struct Taps {
 /// The texels that a slot reads at texture coordinates, before the slot's transform.
 pub fn taps(slot: &TextureSlot, uv: [f32; 2]) -> Taps {
     let size = [slot.texel_size & 0xffff, slot.texel_size >> 16];
-    let nearest = slot.flags & 16 != 0;
+    let nearest = slot.flags & NEAREST != 0;
     let [a, b, c, d] = slot.transform;
     let at = [(a * uv[0] + b * uv[1]) + slot.offset[0], (c * uv[0] + d * uv[1]) + slot.offset[1]];
     let axis = |k: usize| {
