@@ -37,7 +37,7 @@ void decide(uvec2 pixel) {
         uint count = edge ? uint(bitCount(word >> 16)) : window_count(near);
         float tolerance = edge ? 0.0 : frame.data.d_tolerance;
         int demand = sample_demand(count, quarters, frame.data.d_target, tolerance, pixel);
-        decided = plan_pixel(word, demand, frame.data.occluded_limit, h);
+        decided = plan_pixel(word, demand, frame.data.occluded_limit, subpixel_bits(frame.data.flags), h);
     }
     plan.data[pixel_index(pixel, frame.data.size)] = decided;
     atomicAdd(tally[0], uint(bitCount(decided)));

@@ -46,16 +46,16 @@ uint exclusive_sum(uint thread, uint count) {
 void write(uint slot, uvec2 pixel, uint index, uint subpixel, bool added) {
     if (added) {
         uint h = pixel_hash(pixel, frame.data.frame, ~frame.data.seed);
-        samples.data[slot] = Sample(vec3(new_position(pixel, subpixel, h), 0.0), NEW_INSTANCE);
+        samples.data[slot] = Sample(vec3(new_position(pixel, subpixel, h, frame.data.flags), 0.0), NEW_INSTANCE);
     } else {
-        samples.data[slot] = previous.data[claims.data[index * (M * M) + subpixel] & INSTANCE_MASK];
+        samples.data[slot] = previous.data[claims.data[claim_slot(index, subpixel, frame.data.flags)] & INSTANCE_MASK];
     }
 #ifdef AGE
-    uint age = added ? 0u : previous_ages.data[claims.data[index * (M * M) + subpixel] & INSTANCE_MASK];
+    uint age = added ? 0u : previous_ages.data[claims.data[claim_slot(index, subpixel, frame.data.flags)] & INSTANCE_MASK];
     ages.data[slot] = added ? 0u : min(age, 0xfffffffeu) + 1u;
 #endif
 #ifdef SOURCE
-    sources.data[slot] = added ? NO_SOURCE : claims.data[index * (M * M) + subpixel] & INSTANCE_MASK;
+    sources.data[slot] = added ? NO_SOURCE : claims.data[claim_slot(index, subpixel, frame.data.flags)] & INSTANCE_MASK;
 #endif
 }
 

@@ -31,9 +31,10 @@ void main() {
         return;
     }
     uvec2 pixel = pixel_of(where, frame.data.size);
-    uint subpixel = subpixel_of(where, pixel);
+    uint flags = frame.data.flags;
+    uint subpixel = subpixel_bit(subpixel_of(where, pixel), flags);
     uint index = pixel_index(pixel, frame.data.size);
     uint occluded = s.instance & OCCLUDED_BIT;
-    atomicMin(claims.data[index * (M * M) + subpixel], occluded | i);
+    atomicMin(claims.data[claim_slot(index, subpixel, flags)], occluded | i);
     atomicOr(masks.data[index], (occluded == 0u ? 0x10001u : 1u) << subpixel);
 }

@@ -3,6 +3,7 @@
 mod support;
 
 use glam::DVec3;
+use stillray::method::storage::Storage;
 use stillray::renderer::{FrameStats, Method, Settings};
 use stillray::scene::motion::Motion;
 use stillray::scene::{LocalTransform, Node, Scene};
@@ -21,6 +22,7 @@ fn edges_filter_and_shadow_rays_reach_the_picture() {
     let usual = Settings { density: 2.0, ..Settings::default() };
     let turned = [
         ("hairball?strands=200", Settings { edges: Edges::Paper, ..usual.clone() }),
+        ("hairball?strands=200", Settings { subpixels: 2, ..usual.clone() }),
         ("text", Settings { texture_filter: Filter::Nearest, ..usual.clone() }),
         ("cornell", Settings { shadow_rays: 0, ..usual.clone() }),
     ];
@@ -40,6 +42,27 @@ fn edges_filter_and_shadow_rays_reach_the_picture() {
         );
         rig.assert_clean();
     }
+}
+
+#[test]
+fn quarter_pixels_hold_four_samples_at_most_and_take_a_quarter_of_the_claims() {
+    let rig = Rig::new(load("builtin:spheres"));
+    let settings =
+        |subpixels| Settings { size: [64, 48], density: 4.0, tolerance: 0.0625, subpixels, ..Settings::default() };
+    let mut sessions = [2, 4].map(|subpixels| rig.session(&settings(subpixels)));
+    let claims = [2, 4].map(|subpixels| Storage::new(&settings(subpixels)).claims);
+    assert_eq!(4 * claims[0], claims[1]);
+    for i in 0..6 {
+        let [coarse, fine] = [0, 1].map(|k| rig.frame(&mut sessions[k], Motion::Orbit, i));
+        assert!(coarse.rays <= 4 * 64 * 48 && coarse.histogram[5..].iter().all(|n| *n == 0), "{coarse:?}");
+        // Where more than one sample lands on a subpixel, all but one are gone: that is what larger ones cost.
+        assert!(i == 0 || fine.histogram[5..].iter().any(|n| *n > 0) && fine.reused > coarse.reused, "{fine:?}");
+    }
+    let [coarse, fine] = sessions.map(|mut session| mean(&session.color().unwrap()));
+    println!("mean radiance {coarse:.5} with 2 x 2, {fine:.5} with 4 x 4");
+    // Both are within a percent of the reference on such scenes (tests/energy.rs), so within two of each other.
+    assert!((coarse / fine - 1.0).abs() < 0.02, "{coarse} {fine}");
+    rig.assert_clean();
 }
 
 /// The box with five lamps of different colours, one of them hidden from most of it.

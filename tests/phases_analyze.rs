@@ -7,9 +7,9 @@ use bytemuck::Zeroable;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use stillray::oracle::analyze::{self, Analysis, BAYER, balanced, plan_pixel, sample_demand, stratum_mask};
-use stillray::oracle::camera::{pixel_index, pixels_in_order, tiles};
+use stillray::oracle::camera::{pixel_index, pixels_in_order, subpixel_bit, tiles};
 use stillray::oracle::random::pixel_hash;
-use stillray::shaders::{self, Counters, FRAME_PAPER_EDGES, FRAME_SETTLED, Frame};
+use stillray::shaders::{self, Counters, FRAME_PAPER_EDGES, FRAME_QUARTERS, FRAME_SETTLED, Frame};
 use support::kernel::{Kernel, blank, data, values};
 use support::masks::{random_density, random_masks, random_word};
 use support::random::{Random, SIZES};
@@ -35,6 +35,9 @@ fn compare(device: &Analysis, twin: &Analysis) -> Result<(), String> {
     if rest { Ok(()) } else { Err(format!("counts {:?}, expected {:?}", device.counters, twin.counters)) }
 }
 
+/// The first subpixel of each stratum.
+const QUARTER_BITS: u32 = 0x0505;
+
 fn random_frame(random: &mut Random, size: [u32; 2]) -> Frame {
     Frame {
         size,
@@ -43,7 +46,14 @@ fn random_frame(random: &mut Random, size: [u32; 2]) -> Frame {
         d_target: random_density(random),
         d_tolerance: random_density(random),
         occluded_limit: random.below(17),
-        flags: random.pick(&[0, 0, 0, FRAME_PAPER_EDGES, FRAME_PAPER_EDGES, FRAME_SETTLED]),
+        flags: random.pick(&[
+            0,
+            0,
+            FRAME_PAPER_EDGES,
+            FRAME_QUARTERS,
+            FRAME_QUARTERS | FRAME_PAPER_EDGES,
+            FRAME_SETTLED,
+        ]),
         ..Frame::zeroed()
     }
 }
@@ -108,7 +118,7 @@ fn plan_with(frame: &Frame, masks: &[u32], seen: impl Fn(u32) -> u32, turn: u32)
         let (count, quarters) = analyze::window(pixel, frame.size, &seen, |m| m >> 16);
         let demand = sample_demand(count, quarters, frame.d_target, frame.d_tolerance, pixel);
         let h = pixel_hash(pixel, frame.frame, frame.seed);
-        turned(plan_pixel(turned(word, turn), demand, frame.occluded_limit, h), 4 - turn)
+        turned(plan_pixel(turned(word, turn), demand, frame.occluded_limit, 0xffff, h), 4 - turn)
     });
     plan.collect()
 }
@@ -163,7 +173,7 @@ proptest! {
 
     #[test]
     fn a_pixel_keeps_and_adds_what_it_was_asked_to((word, demand, limit, h) in pixels()) {
-        let plan = plan_pixel(word, demand, limit, h);
+        let plan = plan_pixel(word, demand, limit, 0xffff, h);
         let (visible, occluded) = (word >> 16, word & 0xffff & !(word >> 16));
         let (kept, added) = (plan & 0xffff, plan >> 16);
         prop_assert!(plan.count_ones() <= 16);
@@ -184,8 +194,20 @@ proptest! {
     }
 
     #[test]
+    fn quarter_pixels_take_a_sample_each((word, demand, limit, h) in pixels()) {
+        let word = word & (QUARTER_BITS | QUARTER_BITS << 16);
+        let plan = plan_pixel(word, demand, limit, QUARTER_BITS, h);
+        let (visible, occluded) = (word >> 16, word & 0xffff & !(word >> 16));
+        let (kept, added) = (plan & 0xffff, plan >> 16);
+        prop_assert_eq!((kept | added) & !QUARTER_BITS, 0);
+        prop_assert_eq!((kept & added, kept & !(visible | occluded), added & visible), (0, 0, 0));
+        let wanted = (visible.count_ones() as i32 + demand).clamp(0, 4) as u32;
+        prop_assert_eq!((kept & visible).count_ones() + added.count_ones(), wanted);
+    }
+
+    #[test]
     fn evictions_come_from_the_fullest_stratum((word, _, _, h) in pixels()) {
-        let after = |n: i32| plan_pixel(word, -n, 16, h) & (word >> 16);
+        let after = |n: i32| plan_pixel(word, -n, 16, 0xffff, h) & (word >> 16);
         for n in 0..(word >> 16).count_ones() as i32 {
             let (before, evicted) = (after(n), after(n) & !after(n + 1));
             prop_assert_eq!(evicted.count_ones(), 1);
@@ -197,7 +219,7 @@ proptest! {
 
     #[test]
     fn additions_go_to_the_emptiest_stratum((word, _, _, h) in pixels()) {
-        let after = |n: i32| plan_pixel(word, n, 16, h) >> 16;
+        let after = |n: i32| plan_pixel(word, n, 16, 0xffff, h) >> 16;
         for n in 0..16 - (word >> 16).count_ones() as i32 {
             let (before, added) = (after(n) | word >> 16, after(n + 1) & !after(n));
             prop_assert_eq!(added.count_ones(), 1);
@@ -253,12 +275,15 @@ proptest! {
 
     #[test]
     fn new_samples_lie_inside_their_subpixel(x in 0_u32..16384, y in 0_u32..16384, subpixel in 0_u32..16, h: u32) {
-        let at = analyze::new_position([x, y], subpixel, h);
-        for (i, (pixel, corner)) in [(x, subpixel % 4), (y, subpixel / 4)].into_iter().enumerate() {
-            let inside = (f64::from(at[i]) - f64::from(pixel)) * 4.0 - f64::from(corner);
-            // Four subpixels a pixel, and half an ulp of a coordinate of up to 2^14.
-            let rounding = 4.0 * f64::from(2.0_f32.powi(14 - 24));
-            prop_assert!(inside >= 0.125 - rounding && inside <= 0.875 + rounding, "{}", inside);
+        for (flags, across) in [(0, 4), (FRAME_QUARTERS, 2)] {
+            let at = analyze::new_position([x, y], subpixel_bit(subpixel, flags), h, flags);
+            let corner = [subpixel % 4, subpixel / 4].map(|place| place * across / 4);
+            for (i, pixel) in [x, y].into_iter().enumerate() {
+                let inside = (f64::from(at[i]) - f64::from(pixel)) * f64::from(across) - f64::from(corner[i]);
+                // Up to four subpixels a pixel, and half an ulp of a coordinate of up to 2^14.
+                let rounding = 4.0 * f64::from(2.0_f32.powi(14 - 24));
+                prop_assert!(inside >= 0.125 - rounding && inside <= 0.875 + rounding, "{}", inside);
+            }
         }
     }
 }

@@ -12,7 +12,7 @@ use stillray::oracle::camera::{self, pixels_in_order};
 use stillray::oracle::gather::{Gathered, gather};
 use stillray::oracle::reproject::{Reprojected, UNCLAIMED};
 use stillray::oracle::scan::{part_that_fits, scan, thinned};
-use stillray::shaders::{self, Counters, Frame, INSTANCE_MASK, NEW_INSTANCE, OCCLUDED_BIT, Sample};
+use stillray::shaders::{self, Counters, FRAME_QUARTERS, Frame, INSTANCE_MASK, NEW_INSTANCE, OCCLUDED_BIT, Sample};
 use support::kernel::{Kernel, blank, data, values};
 use support::masks::{random_density, random_masks};
 use support::random::{Random, SIZES};
@@ -77,16 +77,19 @@ impl Inputs {
     /// Random masks, claimed by samples of the last frame in no particular order, and the analysis' plan for them.
     fn random(seed: u32, size: [u32; 2], share: f32) -> Self {
         let random = &mut Random::new(seed);
-        let masks = random_masks(random, size);
+        let flags = random.pick(&[0, FRAME_QUARTERS]);
+        let there = camera::subpixel_bits(flags);
+        let mut masks = random_masks(random, size);
+        masks.iter_mut().for_each(|mask| *mask &= there | there << 16);
         let listed: u32 = masks.iter().map(|m| (m & 0xffff).count_ones()).sum();
         let mut order: Vec<u32> = (0..listed + 10).collect();
         random.shuffle(&mut order);
         let mut order = order.into_iter();
-        let mut claims = vec![UNCLAIMED; 16 * masks.len()];
-        for (slot, claim) in claims.iter_mut().enumerate() {
-            let word = masks[slot / 16] >> (slot % 16);
-            if word & 1 != 0 {
-                *claim = order.next().unwrap() | if word & 0x10000 == 0 { OCCLUDED_BIT } else { 0 };
+        let mut claims = vec![UNCLAIMED; camera::subpixels(flags) * masks.len()];
+        for (pixel, mask) in masks.iter().enumerate() {
+            for bit in (0..16).filter(|bit| mask >> bit & 1 != 0) {
+                let occluded = if mask >> (16 + bit) & 1 == 0 { OCCLUDED_BIT } else { 0 };
+                claims[camera::claim_slot(pixel, bit, flags)] = order.next().unwrap() | occluded;
             }
         }
         let sample = |random: &mut Random| Sample {
@@ -102,6 +105,7 @@ impl Inputs {
             d_target: random_density(random),
             d_tolerance: random_density(random) / 4.0,
             occluded_limit: random.below(17),
+            flags,
             ..Frame::zeroed()
         };
         let analysis = analyze(&frame, &masks);
@@ -223,13 +227,14 @@ fn any_plan_is_followed() {
         let random = &mut Random::new(i as u32);
         for kind in 0..4 {
             let mut inputs = Inputs::random(100 + i as u32, size, 1.0);
+            let there = camera::subpixel_bits(inputs.frame.flags);
             let mut plan_for = |mask: u32| match kind {
                 0 => 0,
                 1 => mask & 0xffff,
-                2 => 0xffff_0000,
+                2 => there << 16,
                 _ => {
                     let kept = mask & random.bits() & 0xffff;
-                    kept | (random.bits() & !kept) << 16
+                    kept | (random.bits() & there & !kept) << 16
                 }
             };
             inputs.plan = inputs.reprojected.masks.iter().map(|&m| plan_for(m)).collect();

@@ -9,9 +9,11 @@ use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use std::collections::HashSet;
 use stillray::oracle::bounded::Bounded;
-use stillray::oracle::camera::{self, Projection};
+use stillray::oracle::camera::{self, Projection, subpixel_bit};
 use stillray::oracle::reproject::{Landing, Reprojected, Subpixel, UNCLAIMED, landing, landing_bounded, reproject};
-use stillray::shaders::{self, Counters, FRAME_RESET, Frame, INSTANCE_MASK, Instance, OCCLUDED_BIT, Sample};
+use stillray::shaders::{
+    self, Counters, FRAME_QUARTERS, FRAME_RESET, Frame, INSTANCE_MASK, Instance, OCCLUDED_BIT, Sample,
+};
 use support::kernel::{Kernel, data, values};
 use support::random::{Random, SIZES};
 use support::view::View;
@@ -24,7 +26,7 @@ fn on_device(kernel: &Kernel, frame: &Frame, instances: &[Instance], samples: &[
         data(instances),
         data(&[counters]),
         data(samples),
-        data(&vec![UNCLAIMED; 16 * pixels]),
+        data(&vec![UNCLAIMED; camera::subpixels(frame.flags) * pixels]),
         data(&vec![0_u32; pixels]),
     ];
     // Two-dimensional as in a frame, with groups to spare.
@@ -53,14 +55,17 @@ fn uncertain(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> HashS
 }
 
 /// Every subpixel that is certain must agree.
-fn compare(device: &Reprojected, twin: &Reprojected, uncertain: &HashSet<Subpixel>) -> Result<(), String> {
+fn compare(flags: u32, device: &Reprojected, twin: &Reprojected, uncertain: &HashSet<Subpixel>) -> Result<(), String> {
     for (pixel, (&mask, &expected)) in device.masks.iter().zip(&twin.masks).enumerate() {
         for subpixel in (0..16).filter(|&s| !uncertain.contains(&(pixel, s))) {
             let bits = 0x10001 << subpixel;
             if mask & bits != expected & bits {
                 return Err(format!("mask {mask:08x} of pixel {pixel}, expected {expected:08x}, subpixel {subpixel}"));
             }
-            let slot = 16 * pixel + subpixel as usize;
+            if subpixel_bit(subpixel, flags) != subpixel {
+                continue;
+            }
+            let slot = camera::claim_slot(pixel, subpixel, flags);
             if device.claims[slot] != twin.claims[slot] {
                 let (found, expected) = (device.claims[slot], twin.claims[slot]);
                 return Err(format!("claim {found:08x} on {subpixel} of pixel {pixel}, expected {expected:08x}"));
@@ -73,7 +78,9 @@ fn compare(device: &Reprojected, twin: &Reprojected, uncertain: &HashSet<Subpixe
 /// What must hold on every subpixel, certain or not: masks say what claims say, and who claims a subpixel reaches it.
 fn consistent(device: &Reprojected, frame: &Frame, instances: &[Instance], samples: &[Sample]) {
     for (slot, &claim) in device.claims.iter().enumerate() {
-        let (pixel, subpixel) = (slot / 16, slot as u32 % 16);
+        let each = camera::subpixels(frame.flags);
+        let bits: Vec<u32> = (0..16).filter(|bit| subpixel_bit(*bit, frame.flags) == *bit).collect();
+        let (pixel, subpixel) = (slot / each, bits[slot % each]);
         let mask = device.masks[pixel] >> subpixel;
         assert_eq!(mask & 1 != 0, claim != UNCLAIMED);
         assert_eq!(mask & 0x10000 != 0, claim & OCCLUDED_BIT == 0);
@@ -99,14 +106,15 @@ fn random_samples_land_where_the_twin_says() {
     let mut caught = 0;
     for (case, size) in SIZES.into_iter().chain([[160, 90], [33, 17]]).enumerate() {
         let random = &mut Random::new(case as u32);
-        let view = View::new(random, size, 5);
+        let mut view = View::new(random, size, 5);
+        view.frame.flags = [0, FRAME_QUARTERS][case % 2];
         let count = (16 * size[0] * size[1] * (1 + case as u32 % 3)).min(60_000);
         let share = [0.3, 0.0, 1.0][case % 3];
         let samples: Vec<Sample> = (0..count).map(|_| view.random_sample(random, share)).collect();
         let twin = reproject(&view.frame, &view.instances, &samples);
         let device = on_device(&kernel, &view.frame, &view.instances, &samples, count);
         let unsure = uncertain(&view.frame, &view.instances, &samples);
-        compare(&device, &twin, &unsure).unwrap();
+        compare(view.frame.flags, &device, &twin, &unsure).unwrap();
         consistent(&device, &view.frame, &view.instances, &samples);
         subpixels += twin.claims.len();
         excluded += unsure.len();
@@ -114,12 +122,15 @@ fn random_samples_land_where_the_twin_says() {
         // Negative control: samples in another order, or one of them turned over, are another outcome.
         let mut wrong = samples.clone();
         wrong.rotate_left(1);
-        caught += u32::from(compare(&device, &reproject(&view.frame, &view.instances, &wrong), &unsure).is_err());
+        caught += u32::from(
+            compare(view.frame.flags, &device, &reproject(&view.frame, &view.instances, &wrong), &unsure).is_err(),
+        );
     }
     println!("{excluded} of {subpixels} subpixels are uncertain");
     // A sample is uncertain if it is within the error of one of 4 + 4 borders a pixel, and then excludes two or four
     // subpixels. The error is some tens of units of 2^-24 of the frame's size: 100 x 30 / 2^24 pixels. At up to three
     // samples a subpixel that is 3 x 2 x 8 x 2 x 100 x 30 / 2^24, a percent or two at the very most.
+    // Of quarter pixels there are fewer borders, and a fourth as many subpixels for the same samples: a percent or two too.
     assert!(excluded * 50 < subpixels);
     assert_eq!(caught as usize, SIZES.len() + 2);
     support::assert_clean(&context);
@@ -133,12 +144,13 @@ fn proptest_finds_no_other_outcome() {
     let config = Config { cases: 24, failure_persistence: None, ..Config::default() };
     let outcome = TestRunner::new(config).run(&inputs, |(seed, width, height, count, occluded, instances)| {
         let random = &mut Random::new(seed);
-        let view = View::new(random, [width, height], instances);
+        let mut view = View::new(random, [width, height], instances);
+        view.frame.flags = random.pick(&[0, FRAME_QUARTERS]);
         let samples: Vec<Sample> = (0..count).map(|_| view.random_sample(random, occluded)).collect();
         let twin = reproject(&view.frame, &view.instances, &samples);
         let device = on_device(&kernel, &view.frame, &view.instances, &samples, count as u32);
         let unsure = uncertain(&view.frame, &view.instances, &samples);
-        prop_assert_eq!(compare(&device, &twin, &unsure), Ok(()));
+        prop_assert_eq!(compare(view.frame.flags, &device, &twin, &unsure), Ok(()));
         consistent(&device, &view.frame, &view.instances, &samples);
         Ok(())
     });
@@ -156,7 +168,7 @@ fn extreme_lists_are_no_exception() {
         let device = on_device(&kernel, frame, &view.instances, samples, listed);
         let twin = reproject(frame, &view.instances, &samples[..listed as usize]);
         let unsure = uncertain(frame, &view.instances, &samples[..listed as usize]);
-        compare(&device, &twin, &unsure).unwrap();
+        compare(view.frame.flags, &device, &twin, &unsure).unwrap();
         device
     };
     let untouched = |r: &Reprojected| r.masks.iter().all(|&m| m == 0) && r.claims.iter().all(|&c| c == UNCLAIMED);
@@ -299,15 +311,16 @@ fn a_still_camera_finds_new_samples_where_they_were_put() {
         let view = View::new(random, size, 1);
         for _ in 0..4000 {
             let pixel = size.map(|n| random.below(n));
-            let subpixel = random.below(16);
-            let at = stillray::oracle::analyze::new_position(pixel, subpixel, random.bits());
+            let flags = random.pick(&[0, FRAME_QUARTERS]);
+            let subpixel = subpixel_bit(random.below(16), flags);
+            let at = stillray::oracle::analyze::new_position(pixel, subpixel, random.bits(), flags);
             let direction = camera::camera_direction(&view.frame, at.map(f64::from)).map(|v| v as f32);
             let Projection::Inside(found) = camera::project_bounded(&view.frame, direction.map(Bounded::exact)) else {
                 panic!("{pixel:?} is inside")
             };
             let found = found.map(|f| f.value as f32);
             assert_eq!(camera::pixel_of(found, size), pixel);
-            assert_eq!(camera::subpixel_of(found, pixel), subpixel);
+            assert_eq!(subpixel_bit(camera::subpixel_of(found, pixel), flags), subpixel);
         }
     }
 }

@@ -41,6 +41,7 @@ fn every_built_in_scene_stands_still() {
             assert_still(&rig, &Settings { size: [64, 48], density, tolerance, ..Settings::default() }, 0);
         }
         assert_still(&rig, &Settings { size: [64, 48], ..Settings::default() }, 3);
+        assert_still(&rig, &Settings { size: [64, 48], density: 2.0, subpixels: 2, ..Settings::default() }, 3);
         for moving in [0, 3] {
             assert_still(&rig, &Settings { size: [64, 48], ..Settings::of(Method::PointTracking) }, moving);
         }

@@ -7,6 +7,7 @@
 #define STILLRAY_ANALYSIS
 
 #include "random.glsl"
+#include "types.glsl"
 
 // Unoccluded samples in the 2 x 2 pixels centred on a pixel: all of its own, and the facing halves and quarters of its
 // neighbours. `near[i]` is the mask word of neighbour (i % 3 - 1, i / 3 - 1); off the frame it is 0.
@@ -117,8 +118,9 @@ uint balanced(uint word, uint h) {
     return word;
 }
 
-// What becomes of a pixel: kept subpixels in the low half, new ones in the high half.
-uint plan_pixel(uint word, int demand, uint occluded_limit, uint h) {
+// What becomes of a pixel: kept subpixels in the low half, new ones in the high half. `there` are the bits that stand for
+// subpixels.
+uint plan_pixel(uint word, int demand, uint occluded_limit, uint there, uint h) {
     uint visible = word >> 16;
     uint occluded = (word & 0xffffu) & ~visible;
     uint added = 0u;
@@ -130,7 +132,7 @@ uint plan_pixel(uint word, int demand, uint occluded_limit, uint h) {
     for (int i = 0; i < demand; ++i) {
         h = hash_uint(h);
         uint taken = visible | added;
-        uint stratum = stratum_mask(extreme_stratum(taken, h & 3u, false)) & ~taken;
+        uint stratum = stratum_mask(extreme_stratum(taken, h & 3u, false)) & there & ~taken;
         if (stratum == 0u) {
             break;  // the emptiest stratum is full: so are all
         }
@@ -147,11 +149,12 @@ uint plan_pixel(uint word, int demand, uint occluded_limit, uint h) {
 
 // Where a new sample lies: anywhere in its subpixel but for a margin of an eighth, which is wider than the error of
 // reprojecting it, so that it is found in the same subpixel again when nothing moves.
-vec2 new_position(uvec2 pixel, uint subpixel, uint h) {
+vec2 new_position(uvec2 pixel, uint subpixel, uint h, uint flags) {
     uint hx = hash_combine(h, subpixel);
     uint hy = hash_uint(hx);
     precise vec2 inside = 0.125 + 0.75 * vec2(unit_float(hx), unit_float(hy));
-    precise vec2 position = vec2(pixel) + (vec2(subpixel & 3u, subpixel >> 2) + inside) * 0.25;
+    float extent = (flags & FRAME_QUARTERS) != 0u ? 2.0 : 1.0;
+    precise vec2 position = vec2(pixel) + (vec2(subpixel & 3u, subpixel >> 2) + inside * extent) * 0.25;
     return position;
 }
 

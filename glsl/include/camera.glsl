@@ -11,6 +11,26 @@
 // Subpixels of a pixel across and down (M in paper 1). Bit i of a mask is subpixel (i % 4, i / 4).
 const uint M = 4u;
 
+// With FRAME_QUARTERS, M is 2: a pixel has a subpixel a stratum. Masks stay as they are, and the first of a stratum's four
+// bits stands for it.
+const uint QUARTER_BITS = 0x0505u;
+
+// The bits of a mask that stand for subpixels.
+uint subpixel_bits(uint flags) {
+    return (flags & FRAME_QUARTERS) != 0u ? QUARTER_BITS : 0xffffu;
+}
+
+// The bit that stands for a place of the 4 x 4.
+uint subpixel_bit(uint place, uint flags) {
+    return (flags & FRAME_QUARTERS) != 0u ? place & 10u : place;
+}
+
+// Where the claim on a subpixel is among those of all pixels.
+uint claim_slot(uint index, uint bit, uint flags) {
+    uint quarter = (bit >> 3) * 2u + ((bit >> 1) & 1u);
+    return (flags & FRAME_QUARTERS) != 0u ? index * 4u + quarter : index * (M * M) + bit;
+}
+
 // Pixels are numbered tile by tile (8 x 8, the last ones smaller), so that lists in pixel order are coherent. There are
 // no gaps: every index below width * height is one pixel.
 uint pixel_index(uvec2 pixel, uvec2 size) {
@@ -71,7 +91,7 @@ uvec2 pixel_of(vec2 pixel, uvec2 size) {
     return min(uvec2(pixel), size - 1u);
 }
 
-// The subpixel of that pixel, as a bit index.
+// The place in that pixel among 4 x 4, as a bit index.
 uint subpixel_of(vec2 pixel, uvec2 owner) {
     uvec2 sub = min(uvec2((pixel - vec2(owner)) * float(M)), uvec2(M - 1u));
     return sub.y * M + sub.x;

@@ -196,5 +196,6 @@ const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut
 const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sampling pattern as it is
 const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hidden samples too
 const uint FRAME_NEAREST = 8u;  // textures are not filtered
+const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
 
 #endif

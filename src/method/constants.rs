@@ -50,6 +50,9 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     if settings.texture_filter == Filter::Nearest {
         flags |= shaders::FRAME_NEAREST;
     }
+    if settings.subpixels == 2 {
+        flags |= shaders::FRAME_QUARTERS;
+    }
     shaders::Frame {
         right,
         up,

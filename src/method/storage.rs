@@ -87,7 +87,7 @@ impl Storage {
         let sampling = settings.method.sampling();
         let stable = sampling == Sampling::Reprojected;
         let (capacity, claims) = match sampling {
-            Sampling::Reprojected => (stable_capacity(settings, pixels), pixels * 64),
+            Sampling::Reprojected => (stable_capacity(settings, pixels), pixels * subpixels(settings) * 4),
             Sampling::Tracked => (pixels, pixels * size_of::<Tracked>() as u64),
             Sampling::Fresh => (pixels * u64::from(settings.spp), 0),
         };
@@ -173,9 +173,15 @@ fn history(settings: &Settings, pixels: u64) -> (u64, u64, u64) {
 /// density. Where a frame asks for more, every pixel gives up an equal part (`glsl/include/thin.glsl`).
 fn stable_capacity(settings: &Settings, pixels: u64) -> u64 {
     let density = f64::from(settings.density);
-    let most = (1.25 * density + f64::from(settings.tolerance).min(density)).min(16.0);
+    let subpixels = subpixels(settings);
+    let most = (1.25 * density + f64::from(settings.tolerance).min(density)).min(subpixels as f64);
     // Small frames have few pixels to share what one of them needs.
-    ((pixels as f64 * most).ceil() as u64).max(1024.min(pixels * 16))
+    ((pixels as f64 * most).ceil() as u64).max(1024.min(pixels * subpixels))
+}
+
+/// Of a pixel, each of which has a claim and room for a sample.
+fn subpixels(settings: &Settings) -> u64 {
+    u64::from(settings.subpixels * settings.subpixels)
 }
 
 /// Occluded samples come back into view near silhouettes; one for each sample aimed at is plenty there.
@@ -202,6 +208,9 @@ mod tests {
         let words =
             ["claims", "132710400 bytes", "132710399", "maxStorageBufferRange", "--size", "--density", "--tolerance"];
         assert!(words.iter().all(|w| error.contains(w)), "{error}");
+        // Of quarter pixels the claims are as long as the found hits, the least of what binds 16 bytes a sample is longer.
+        let coarse = Settings { subpixels: 2, ..stable.clone() };
+        assert_eq!(Storage::new(&coarse).claims, 16 * 1920 * 1080);
         let supersample = Settings { method: Method::Supersample, spp: 16, ..stable };
         let error = too_large(&supersample, 1 << 27).unwrap_or_default();
         assert!(error.contains("lower --size or --spp") && !error.contains("density"), "{error}");

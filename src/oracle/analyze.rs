@@ -6,7 +6,7 @@
 
 use super::camera::{self, M, TILE};
 use super::random::{hash_combine, hash_uint, pixel_hash, unit_float};
-use crate::shaders::{Counters, FRAME_PAPER_EDGES, FRAME_SETTLED, Frame};
+use crate::shaders::{Counters, FRAME_PAPER_EDGES, FRAME_QUARTERS, FRAME_SETTLED, Frame};
 
 /// Outcome of the phase.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +32,7 @@ pub fn analyze(frame: &Frame, masks: &[u32]) -> Analysis {
         } else {
             let h = pixel_hash(pixel, frame.frame, frame.seed);
             let (word, demand) = word_and_demand(frame, pixel, word, masks, h);
-            plan_pixel(word, demand, frame.occluded_limit, h)
+            plan_pixel(word, demand, frame.occluded_limit, camera::subpixel_bits(frame.flags), h)
         };
         let [visible, kept, added] = [word >> 16, decided & 0xffff, decided >> 16];
         tiles[(pixel[1] / TILE * across + pixel[0] / TILE) as usize] += decided.count_ones();
@@ -139,8 +139,8 @@ pub fn balanced(mut word: u32, mut h: u32) -> u32 {
 }
 
 /// What becomes of a pixel: kept subpixels in the low half, new ones in the high half. Evicts from the fullest stratum
-/// and adds to the emptiest; ties are broken by the hash.
-pub fn plan_pixel(word: u32, demand: i32, occluded_limit: u32, mut h: u32) -> u32 {
+/// and adds to the emptiest; ties are broken by the hash. `there` are the bits that stand for subpixels.
+pub fn plan_pixel(word: u32, demand: i32, occluded_limit: u32, there: u32, mut h: u32) -> u32 {
     let mut visible = word >> 16;
     let mut occluded = word & 0xffff & !visible;
     let mut added = 0;
@@ -154,7 +154,7 @@ pub fn plan_pixel(word: u32, demand: i32, occluded_limit: u32, mut h: u32) -> u3
     for _ in 0..demand {
         h = hash_uint(h);
         let taken = visible | added;
-        let free = stratum_mask(emptiest(taken, h)) & !taken;
+        let free = stratum_mask(emptiest(taken, h)) & there & !taken;
         if free == 0 {
             break;
         }
@@ -177,9 +177,10 @@ fn choose_bit(mask: u32, h: u32) -> u32 {
 }
 
 /// Where a new sample lies, in pixels: anywhere in its subpixel but for a margin of an eighth of the subpixel.
-pub fn new_position(pixel: [u32; 2], subpixel: u32, h: u32) -> [f32; 2] {
+pub fn new_position(pixel: [u32; 2], subpixel: u32, h: u32, flags: u32) -> [f32; 2] {
     let hx = hash_combine(h, subpixel);
     let random = [unit_float(hx), unit_float(hash_uint(hx))];
     let corner = [subpixel % M, subpixel / M];
-    [0, 1].map(|i| pixel[i] as f32 + (corner[i] as f32 + (0.125 + 0.75 * random[i])) * 0.25)
+    let extent = if flags & FRAME_QUARTERS != 0 { 2.0 } else { 1.0 };
+    [0, 1].map(|i| pixel[i] as f32 + (corner[i] as f32 + (0.125 + 0.75 * random[i]) * extent) * 0.25)
 }

@@ -4,10 +4,33 @@
 //! of the frame. Paper 1, section 4.1: a sample is brought to world space and then projected.
 
 use super::bounded::Bounded;
-use crate::shaders::Frame;
+use crate::shaders::{FRAME_QUARTERS, Frame};
 
 /// Subpixels of a pixel across and down (M in paper 1). Bit i of a mask is subpixel (i % 4, i / 4).
 pub const M: u32 = 4;
+
+/// The bits of a mask that stand for subpixels: all, or with [`FRAME_QUARTERS`] (M = 2) the first of each stratum.
+pub fn subpixel_bits(flags: u32) -> u32 {
+    (0..M * M).filter(|place| subpixel_bit(*place, flags) == *place).map(|bit| 1 << bit).sum()
+}
+
+/// The bit that stands for a place of the 4 x 4.
+pub fn subpixel_bit(place: u32, flags: u32) -> u32 {
+    let across = if flags & FRAME_QUARTERS != 0 { 2 } else { 1 };
+    let [x, y] = [place % M, place / M].map(|at| at / across * across);
+    y * M + x
+}
+
+/// Subpixels of a pixel.
+pub fn subpixels(flags: u32) -> usize {
+    subpixel_bits(flags).count_ones() as usize
+}
+
+/// Where the claim on a subpixel is among those of all pixels.
+pub fn claim_slot(pixel: usize, bit: u32, flags: u32) -> usize {
+    let before = subpixel_bits(flags) & ((1 << bit) - 1);
+    pixel * subpixels(flags) + before.count_ones() as usize
+}
 
 /// Pixels of a tile across and down.
 pub const TILE: u32 = 8;
@@ -126,7 +149,7 @@ pub fn pixel_of(position: [f32; 2], size: [u32; 2]) -> [u32; 2] {
     [0, 1].map(|i| (position[i] as u32).min(size[i] - 1))
 }
 
-/// The subpixel of that pixel, as a bit index in 0..16.
+/// The place in that pixel among 4 x 4, as a bit index in 0..16.
 pub fn subpixel_of(position: [f32; 2], owner: [u32; 2]) -> u32 {
     let [x, y] = [0, 1].map(|i| (((position[i] - owner[i] as f32) * M as f32) as u32).min(M - 1));
     y * M + x

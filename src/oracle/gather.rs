@@ -41,13 +41,14 @@ pub fn gather(
         for entry in by_urgency(plan[index], reprojected.masks[index]).into_iter().take(room) {
             match entry {
                 Entry::New(subpixel) => {
-                    let [x, y] = new_position(pixel, subpixel, pixel_hash(pixel, frame.frame, !frame.seed));
+                    let [x, y] =
+                        new_position(pixel, subpixel, pixel_hash(pixel, frame.frame, !frame.seed), frame.flags);
                     out.samples.push(Sample { position: [x, y, 0.0], instance: NEW_INSTANCE });
                     out.ages.extend(ages.first().map(|_| 0));
                     out.sources.push(NO_SOURCE);
                 }
                 Entry::Kept(subpixel) => {
-                    let claim = reprojected.claims[index * (M * M) as usize + subpixel as usize];
+                    let claim = reprojected.claims[camera::claim_slot(index, subpixel, frame.flags)];
                     let source = (claim & INSTANCE_MASK) as usize;
                     out.samples.push(previous[source]);
                     out.ages.extend(ages.get(source).map(|age| age.saturating_add(1)));

@@ -10,7 +10,7 @@ pub const UNCLAIMED: u32 = u32::MAX;
 /// Outcome of the phase.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reprojected {
-    /// 16 words a pixel, by subpixel: index of the winning sample, bit 31 if it is occluded, or [`UNCLAIMED`].
+    /// A word a subpixel ([`camera::claim_slot`]): index of the winning sample, bit 31 if it is occluded, or [`UNCLAIMED`].
     pub claims: Vec<u32>,
     /// A word a pixel: occupied subpixels in the low half, those with an unoccluded sample in the high half.
     pub masks: Vec<u32>,
@@ -36,7 +36,7 @@ pub enum Landing {
 /// then the older one.
 pub fn reproject(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> Reprojected {
     let pixels = (frame.size[0] * frame.size[1]) as usize;
-    let mut claims = vec![UNCLAIMED; pixels * (M * M) as usize];
+    let mut claims = vec![UNCLAIMED; pixels * camera::subpixels(frame.flags)];
     let mut masks = vec![0; pixels];
     if frame.flags & FRAME_RESET != 0 {
         return Reprojected { claims, masks };
@@ -44,7 +44,7 @@ pub fn reproject(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> R
     for (i, sample) in samples.iter().enumerate() {
         let Some((pixel, subpixel)) = landing(frame, instances, sample) else { continue };
         let occluded = sample.instance & OCCLUDED_BIT != 0;
-        let claim = &mut claims[pixel * (M * M) as usize + subpixel as usize];
+        let claim = &mut claims[camera::claim_slot(pixel, subpixel, frame.flags)];
         let holder_is_occluded = *claim & OCCLUDED_BIT != 0;
         if *claim == UNCLAIMED {
             *claim = if occluded { OCCLUDED_BIT | i as u32 } else { i as u32 };
@@ -63,7 +63,8 @@ pub fn reproject(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> R
 pub fn landing(frame: &Frame, instances: &[Instance], sample: &Sample) -> Option<Subpixel> {
     let position = landing_position(frame, instances, sample)?;
     let pixel = camera::pixel_of(position, frame.size);
-    Some((camera::pixel_index(pixel, frame.size), camera::subpixel_of(position, pixel)))
+    let bit = camera::subpixel_bit(camera::subpixel_of(position, pixel), frame.flags);
+    Some((camera::pixel_index(pixel, frame.size), bit))
 }
 
 /// Where in the frame a sample projects to, in pixels, in f32 and in the shader's order.
@@ -91,8 +92,11 @@ pub fn landing_bounded(frame: &Frame, instances: &[Instance], sample: &Sample) -
         return Landing::Anywhere;
     }
     let [columns, rows] = [0, 1].map(|axis| reached(position[axis], frame.size[axis]));
-    let all: Vec<Subpixel> =
-        rows.flat_map(|y| columns.clone().map(move |x| [x, y])).map(|at| subpixel_at(at, frame.size)).collect();
+    let places = rows.flat_map(|y| columns.clone().map(move |x| [x, y])).map(|at| subpixel_at(at, frame.size));
+    let mut all: Vec<Subpixel> =
+        places.map(|(pixel, place)| (pixel, camera::subpixel_bit(place, frame.flags))).collect();
+    all.sort_unstable();
+    all.dedup();
     match all.as_slice() {
         [one] if inside => Landing::On(*one),
         _ => Landing::Among(all),

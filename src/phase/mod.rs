@@ -106,7 +106,7 @@ pub struct FrameResources {
     pub ages: Option<Range>,
     /// What is remembered for [`changes`], if asked for by a method that keeps samples.
     pub memory: Option<Memory>,
-    /// 16 words a pixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
+    /// A word a subpixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
     pub claims: Range,
     /// Two floats a pixel, with point tracking: where the ray of each pixel goes, in pixels.
     pub aims: Range,

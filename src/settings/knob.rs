@@ -50,6 +50,13 @@ pub enum Domain {
         /// Its place.
         at: fn(&mut Settings) -> &mut u32,
     },
+    /// One of these whole numbers.
+    OneOf {
+        /// The numbers, in order.
+        of: &'static [u32],
+        /// Its place.
+        at: fn(&mut Settings) -> &mut u32,
+    },
     /// One of these names.
     Choice {
         /// The names.
@@ -72,7 +79,7 @@ pub enum Domain {
 pub enum Value {
     /// Of [`Domain::Number`].
     Number(f64),
-    /// Of [`Domain::Count`].
+    /// Of [`Domain::Count`] and [`Domain::OneOf`].
     Count(u32),
     /// Of [`Domain::Choice`].
     Choice(&'static str),
@@ -237,6 +244,16 @@ pub static KNOBS: &[Knob] = &[
         ladder: &[Count(1), Count(2), Count(3)],
     },
     Knob {
+        name: "subpixels",
+        about: "subpixels of a pixel across and down, each with one sample at most (M in paper 1)",
+        unit: "subpixels",
+        trades: "4: up to 16 samples a pixel are told apart; 2: up to 4 are, for a quarter of the memory of claims",
+        domain: Domain::OneOf { of: &[2, 4], at: |s| &mut s.subpixels },
+        applies: analysed,
+        rays: true,
+        ladder: &[Count(2), Count(4)],
+    },
+    Knob {
         name: "edges",
         about: "what decides about samples where surfaces move against each other",
         unit: "",
@@ -312,7 +329,7 @@ impl Knob {
     pub fn get(&self, settings: &Settings) -> Value {
         match self.domain {
             Domain::Number { at, .. } => Value::Number(decimal(*at(&mut settings.clone()))),
-            Domain::Count { at, .. } => Value::Count(*at(&mut settings.clone())),
+            Domain::Count { at, .. } | Domain::OneOf { at, .. } => Value::Count(*at(&mut settings.clone())),
             Domain::Choice { names, get, .. } => Value::Choice(names().get(get(settings)).copied().unwrap_or_default()),
             Domain::Switch { at } => Value::Switch(*at(&mut settings.clone())),
         }
@@ -326,7 +343,7 @@ impl Knob {
         self.check(&value)?;
         match (&self.domain, value) {
             (Domain::Number { at, .. }, Value::Number(n)) => *at(settings) = n as f32,
-            (Domain::Count { at, .. }, Value::Count(n)) => *at(settings) = n,
+            (Domain::Count { at, .. } | Domain::OneOf { at, .. }, Value::Count(n)) => *at(settings) = n,
             (Domain::Choice { names, set, .. }, Value::Choice(name)) => {
                 if let Some(index) = names().iter().position(|n| *n == name) {
                     set(settings, index);
@@ -352,7 +369,7 @@ impl Knob {
         }
         match (&self.domain, self.get(to)) {
             (Domain::Number { at, .. }, Value::Number(n)) => *at(settings) = n as f32,
-            (Domain::Count { at, .. }, Value::Count(n)) => *at(settings) = n,
+            (Domain::Count { at, .. } | Domain::OneOf { at, .. }, Value::Count(n)) => *at(settings) = n,
             (Domain::Choice { get, set, .. }, _) => set(settings, get(to)),
             (Domain::Switch { at }, Value::Switch(on)) => *at(settings) = on,
             _ => {}
@@ -366,7 +383,7 @@ impl Knob {
     pub fn read(&self, words: &str) -> Result<Value> {
         let value = match self.domain {
             Domain::Number { .. } => words.parse().ok().map(Value::Number),
-            Domain::Count { .. } => words.parse().ok().map(Value::Count),
+            Domain::Count { .. } | Domain::OneOf { .. } => words.parse().ok().map(Value::Count),
             Domain::Choice { names, .. } => names().into_iter().find(|n| *n == words).map(Value::Choice),
             Domain::Switch { .. } => words.parse().ok().map(Value::Switch),
         };
@@ -385,6 +402,7 @@ impl Knob {
         match (&self.domain, value) {
             (Domain::Number { min, max, .. }, Value::Number(n)) => (*min..=*max).contains(n),
             (Domain::Count { min, max, .. }, Value::Count(n)) => (*min..=*max).contains(n),
+            (Domain::OneOf { of, .. }, Value::Count(n)) => of.contains(n),
             (Domain::Choice { names, .. }, Value::Choice(name)) => names().contains(name),
             (Domain::Switch { .. }, Value::Switch(_)) => true,
             _ => false,
@@ -400,6 +418,7 @@ impl Knob {
         match self.domain {
             Domain::Number { min, max, .. } => format!("from {min} to {max}"),
             Domain::Count { min, max, .. } => format!("a whole number from {min} to {max}"),
+            Domain::OneOf { of, .. } => of.iter().map(u32::to_string).collect::<Vec<_>>().join(" or "),
             Domain::Choice { names, .. } => format!("one of {}", names().join(", ")),
             Domain::Switch { .. } => "true or false".to_owned(),
         }
@@ -421,7 +440,7 @@ mod tests {
             assert!(KNOBS[..i].iter().all(|other| other.name != knob.name), "{} is there twice", knob.name);
             let told = [knob.about, knob.trades];
             assert!(told.iter().all(|t| !t.is_empty() && !t.ends_with('.')), "{}", knob.name);
-            let numeric = matches!(knob.domain, Domain::Number { .. } | Domain::Count { .. });
+            let numeric = !matches!(knob.domain, Domain::Choice { .. } | Domain::Switch { .. });
             assert_eq!(numeric, !knob.unit.is_empty(), "{}", knob.name);
             assert!(Method::ALL.iter().any(|m| (knob.applies)(*m)), "{} is for no method", knob.name);
         }
@@ -470,6 +489,7 @@ mod tests {
                     vec![(min - 0.01).to_string(), (max + 0.01).to_string(), "nan".into()]
                 }
                 Domain::Count { max, .. } => vec!["-1".to_owned(), (u64::from(max) + 1).to_string(), "1.5".into()],
+                Domain::OneOf { of, .. } => vec![(of[0] + 1).to_string(), "0".to_owned(), "2.0".into()],
                 Domain::Choice { .. } => vec!["nothing".to_owned(), String::new()],
                 Domain::Switch { .. } => vec!["yes".to_owned(), "1".to_owned()],
             };
@@ -480,6 +500,11 @@ mod tests {
         }
         let unset = Settings { density: f32::NAN, ..Settings::default() };
         assert!(unset.validate().unwrap_err().to_string().contains("density"));
+        let crowded = |method, subpixels, density| Settings { density, subpixels, ..Settings::of(method) }.validate();
+        assert!(crowded(Method::Stable, 2, 4.0).is_ok() && crowded(Method::Stable, 4, 16.0).is_ok());
+        let message = crowded(Method::Stable, 2, 4.5).unwrap_err().to_string();
+        assert!(message.contains("density") && message.contains("at most 4 with subpixels = 2"), "{message}");
+        assert!(crowded(Method::Supersample, 2, 4.5).is_ok(), "which has no density");
     }
 
     #[test]

@@ -32,6 +32,8 @@ pub struct Settings {
     pub seed: u32,
     /// `stable`: what decides about samples where surfaces move against each other.
     pub edges: Edges,
+    /// `stable`: subpixels of a pixel across and down, 2 or 4 (M of paper 1, section 4.1). Each holds a sample at most.
+    pub subpixels: u32,
     /// How textures are read.
     pub texture_filter: Filter,
     /// Lights at most, 0 to 32, that are chosen for each sample to send a shadow ray to; 0: no shadows.
@@ -54,6 +56,7 @@ impl Default for Settings {
             history: History::default(),
             box_frames: 1,
             edges: Edges::Balanced,
+            subpixels: 4,
             texture_filter: Filter::Linear,
             shadow_rays: 32,
             seed: 0,
@@ -99,7 +102,13 @@ impl Settings {
             let expected = "from 1x1 to 16384x16384".to_owned();
             return Err(Error::Setting { name: "size", value: format!("{w}x{h}"), expected });
         }
-        knob::KNOBS.iter().try_for_each(|knob| knob.check(&knob.get(self)))
+        knob::KNOBS.iter().try_for_each(|knob| knob.check(&knob.get(self)))?;
+        let most = (self.subpixels * self.subpixels) as f32;
+        if self.method.keeps_samples() && self.density > most {
+            let expected = format!("at most {most} with subpixels = {}", self.subpixels);
+            return Err(Error::Setting { name: "density", value: self.density.to_string(), expected });
+        }
+        Ok(())
     }
 }
 
