@@ -34,7 +34,7 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     let varies = match settings.method {
         Method::Taa | Method::Reference => true,
         Method::Supersample => settings.jitter,
-        Method::Stable | Method::StableTi => false,
+        Method::Stable | Method::StableTi | Method::PointTracking => false,
     };
     let variation = if varies { moment.frame + 1 } else { 0 };
     let mut flags = 0;
