@@ -10,7 +10,8 @@ use support::rig::{Rig, bits, load, shared_scene};
 
 /// Frames 2 to 5 against each other, after `moving` frames of another motion.
 fn assert_still(rig: &Rig, settings: &Settings, moving: u32) {
-    assert_still_from(rig, settings, moving, 2);
+    // An average of several frames rests once all of them do.
+    assert_still_from(rig, settings, moving, 2 + settings.box_frames - 1);
 }
 
 /// Four frames from `rest` on against each other.
