@@ -160,3 +160,23 @@ fn wrong_words_are_refused() {
     }
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "nothing is left behind");
 }
+
+#[test]
+fn methods_are_measured_beside_the_papers() {
+    let dir = tempfile::tempdir().unwrap();
+    let small = "reproduce --size 64x64 --frames 4 --reference-spp 16 --motions pan --quiet --out r";
+    run(
+        dir.path(),
+        &format!("{small} --scenes builtin:cornell,builtin:terrain --methods stable:2,supersample:2,point-tracking"),
+    );
+    let text = fs::read_to_string(dir.path().join("r/reproduce.md")).unwrap();
+    let row = |begin: &str| text.lines().find(|l| l.starts_with(begin)).unwrap_or_default().to_owned();
+    assert!(row("| stable:2 |").matches('|').count() == 9, "{text}");
+    assert!(row("| flicker error of stable:2 to supersample:2 |").ends_with(" of 2 |"), "{text}");
+    assert!(row("| builtin:terrain, pan |").contains(" % |"), "{text}");
+    assert!(!row("| taa:4 | 0.6610 |").contains('–'), "{text}");
+    let scores: Value = serde_json::from_slice(&fs::read(dir.path().join("r/reproduce.json")).unwrap()).unwrap();
+    assert_eq!(scores.as_array().unwrap().len(), 6);
+    refused(dir.path(), "reproduce --methods magic:1", 2, "--methods");
+    refused(dir.path(), "reproduce --scenes builtin:teapot", 2, "teapot");
+}

@@ -8,6 +8,7 @@ mod info;
 mod interrupt;
 mod progress;
 mod render;
+mod reproduce;
 mod scenes;
 mod settings;
 mod trade;
@@ -34,6 +35,7 @@ enum Command {
     Info(info::Info),
     Settings(settings::Settings),
     Trade(trade::Trade),
+    Reproduce(reproduce::Reproduce),
 }
 
 /// Why the program ends without having done what was asked.
@@ -82,6 +84,7 @@ fn dispatch(command: Option<Command>) -> Outcome {
         Some(Command::Info(info)) => info.run(),
         Some(Command::Settings(settings)) => settings.run(),
         Some(Command::Trade(trade)) => trade.run(),
+        Some(Command::Reproduce(reproduce)) => reproduce.run(),
         None => Ok(()),
     }
 }
@@ -95,7 +98,7 @@ fn parse(arguments: impl Iterator<Item = OsString>) -> Outcome<Option<Command>> 
             Ok(None)
         }
         Err(e) if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => Err(Failure::Usage(
-            "no command given: render, bench, compare, trade, info or settings (see --help)".to_owned(),
+            "no command given: render, bench, compare, trade, reproduce, info or settings (see --help)".to_owned(),
         )),
         Err(e) => Err(Failure::Usage(first_paragraph(&e.to_string()))),
     }

@@ -10,6 +10,7 @@ pub mod folder;
 pub mod json;
 pub mod openexr;
 pub mod png;
+pub mod reproduce;
 pub mod statistics;
 pub mod table;
 pub mod tonemap;

@@ -341,7 +341,7 @@ fn copy_tree(from: &Path, to: &Path) -> Result<()> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
 
     pub fn search() -> Search {

@@ -68,6 +68,16 @@ pub fn rounds(
     Ok(true)
 }
 
+/// Median milliseconds a frame of each candidate, in turns.
+///
+/// # Errors
+/// Those of rendering.
+pub fn take_turns(studio: &Studio<'_>, candidates: &[Candidate], motion: Motion) -> Result<Vec<f64>> {
+    let mut takes: Vec<Take<'_>> =
+        candidates.iter().map(|c| studio.take(&c.settings, motion)).collect::<Result<_>>()?;
+    Ok(round(&mut takes, candidates, motion)?.into_iter().map(|entry| entry.ms).collect())
+}
+
 fn round(takes: &mut [Take<'_>], candidates: &[Candidate], motion: Motion) -> Result<Vec<RoundEntry>> {
     let mut frames: Vec<Vec<Vec<Phase>>> = vec![Vec::new(); takes.len()];
     takes.iter_mut().for_each(|take| take.rewind(motion));
