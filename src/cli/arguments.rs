@@ -166,19 +166,19 @@ impl FromStr for Contender {
         let (kind, number) = text.split_once(':').unwrap_or((text, "1"));
         let method = method_named(kind).map_err(|e| format!("{e}; as in stable:0.5, supersample:2, fast.toml"))?;
         settings.switch(method);
-        let samples = match method.sampling() {
+        let name = match method.sampling() {
             Sampling::Reprojected => {
                 settings.density = ranged(0.0625, 16.0)(number)? as f32;
-                settings.density.to_string()
+                format!("{kind}:{}", settings.density)
             }
             Sampling::Fresh => {
                 settings.spp = counted(1, 16)(number)?;
-                settings.spp.to_string()
+                format!("{kind}:{}", settings.spp)
             }
-            Sampling::Tracked if number == "1" => number.to_owned(),
+            Sampling::Tracked if number == "1" => kind.to_owned(),
             Sampling::Tracked => return Err(format!("{kind} has one sample a pixel: expected {kind} or {kind}:1")),
         };
-        Ok(Self { name: format!("{kind}:{samples}"), settings })
+        Ok(Self { name, settings })
     }
 }
 
