@@ -114,8 +114,8 @@ pub fn claims(scores: &[Score]) -> String {
     );
     for claim in all.iter().flatten() {
         let holds = if claim.holds { "yes" } else { "**no**" };
-        let _ =
-            writeln!(text, "| {} | {:.3} | {} | {holds} | {} |", claim.words, claim.value, claim.wanted, claim.cases);
+        let value = if claim.value.is_nan() { "–".to_owned() } else { format!("{:.3}", claim.value) };
+        let _ = writeln!(text, "| {} | {value} | {} | {holds} | {} |", claim.words, claim.wanted, claim.cases);
     }
     text
 }
@@ -195,10 +195,19 @@ fn ratio_claim(
     most: f64,
 ) -> Option<Claim> {
     let pairs = pairs(scores, of, names);
-    let value = ratio(pairs.iter().map(|p| p[0]).sum(), pairs.iter().map(|p| p[1]).sum());
+    let sum = |i: usize| pairs.iter().map(|p| p[i]).sum::<f64>();
+    let (first, second) = (sum(0), sum(1));
+    // Excess flicker can be negative: there is no ratio to that, but it can still be told which is less.
+    let value = if second > 0.0 { first / second } else { f64::NAN };
     let held = pairs.iter().filter(|[a, b]| *a <= most * b).count();
     let cases = format!("{held} of {}", pairs.len());
-    (!pairs.is_empty()).then(|| Claim { words, value, wanted: format!("≤ {most}"), holds: value <= most, cases })
+    (!pairs.is_empty()).then(|| Claim {
+        words,
+        value,
+        wanted: format!("≤ {most}"),
+        holds: first <= most * second,
+        cases,
+    })
 }
 
 /// The first loses more sharpness than the second.
@@ -234,6 +243,10 @@ mod tests {
         assert_eq!(line(&scores, words), format!("| {words} | 0.200 | ≤ 0.35 | yes | 1 of 1 |"));
         scores.extend([score("stable:2", "orbit", 0.05, 0.8), score("supersample:2", "orbit", 0.05, 0.85)]);
         assert_eq!(line(&scores, words), format!("| {words} | 0.600 | ≤ 0.35 | **no** | 1 of 2 |"));
+        // To what is steadier than the reference there is no ratio.
+        let (words, mut steady) = ("excess flicker of stable:2 to taa:2", scores.clone());
+        steady.push(score("taa:2", "pan", -0.01, 0.6));
+        assert_eq!(line(&steady, words), format!("| {words} | – | ≤ 1.1 | **no** | 0 of 1 |"));
         // Of contestants that did not take part nothing is said.
         assert_eq!(line(&scores, "taa"), "");
         scores.push(score("taa:2", "pan", 0.01, 0.6));
