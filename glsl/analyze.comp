@@ -1,7 +1,13 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Paper 1, section 4.2: one thread a pixel decides, from the masks of its neighbourhood alone, which samples to keep and
-// where to add new ones. It also counts what its workgroup (a tile) keeps, for the prefix sum that follows.
+// where to add new ones. It also counts what its workgroup (a tile) lists, for the prefix sum that follows.
+//
+// With a fill, visibility is tested first and decided upon then. So the phase runs twice: before verification it keeps
+// whatever was reprojected (`keep`), and after it, knowing what is visible, it decides, and counts what it adds (`fill`).
+//
+// variant keep: KEEP
+// variant fill: FILL
 #include "camera.glsl"
 #include "analysis.glsl"
 
@@ -14,6 +20,15 @@ layout(set = 0, binding = 4, std430) buffer CountersBlock { Counters data; } cou
 
 // Samples listed, reused, added, evicted; then the histogram.
 shared uint tally[21];
+
+#ifdef KEEP
+void decide(uvec2 pixel) {
+    uint index = pixel_index(pixel, frame.data.size);
+    uint decided = masks.data[index] & 0xffffu;
+    plan.data[index] = decided;
+    atomicAdd(tally[0], uint(bitCount(decided)));
+}
+#else
 
 uint neighbour(ivec2 pixel) {
     ivec2 size = ivec2(frame.data.size);
@@ -40,12 +55,17 @@ void decide(uvec2 pixel) {
         decided = plan_pixel(word, demand, frame.data.occluded_limit, subpixel_bits(frame.data.flags), h);
     }
     plan.data[pixel_index(pixel, frame.data.size)] = decided;
+#ifdef FILL
+    atomicAdd(tally[0], uint(bitCount(decided >> 16)));
+#else
     atomicAdd(tally[0], uint(bitCount(decided)));
+#endif
     atomicAdd(tally[1], uint(bitCount(decided & 0xffffu)));
     atomicAdd(tally[2], uint(bitCount(decided >> 16)));
     atomicAdd(tally[3], uint(bitCount((near[4] >> 16) & ~decided)));
     atomicAdd(tally[4 + bitCount(near[4] >> 16)], 1u);
 }
+#endif
 
 void main() {
     uint thread = gl_LocalInvocationIndex;
@@ -59,9 +79,11 @@ void main() {
     barrier();
     if (thread == 0u) {
         tiles.data[gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x] = tally[0];
+#ifndef KEEP
         atomicAdd(counters.data.reused, tally[1]);
         atomicAdd(counters.data.added, tally[2]);
         atomicAdd(counters.data.evicted, tally[3]);
+#endif
     }
     if (thread < 17u && tally[4u + thread] != 0u) {
         atomicAdd(counters.data.histogram[thread], tally[4u + thread]);

@@ -19,13 +19,16 @@ layout(set = 0, binding = 3, r32f) uniform writeonly image2D depth;
 layout(set = 0, binding = 4, rg32f) uniform writeonly image2D motion;
 layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D density;
 layout(set = 0, binding = 6, r32f) uniform writeonly image2D age;
+layout(set = 0, binding = 7, std430) readonly buffer Extras { uint data[]; } extras;
 #ifdef STABLE
-layout(set = 0, binding = 7, std430) readonly buffer Masks { uint data[]; } masks;
-layout(set = 0, binding = 8, std430) readonly buffer Plan { uint data[]; } plan;
+layout(set = 0, binding = 8, std430) readonly buffer Masks { uint data[]; } masks;
+layout(set = 0, binding = 9, std430) readonly buffer Plan { uint data[]; } plan;
 #endif
 #ifdef AGE
-layout(set = 0, binding = 9, std430) readonly buffer Ages { uint data[]; } ages;
+layout(set = 0, binding = 10, std430) readonly buffer Ages { uint data[]; } ages;
 #endif
+
+#include "slots.glsl"
 
 vec4 density_of(uint index, uint count) {
 #ifdef STABLE
@@ -43,25 +46,25 @@ void main() {
         return;
     }
     uint index = pixel_index(uvec2(pixel), frame.data.size);
-    uint first = offsets.data[index];
-    uint end = offsets.data[index + 1u];
     float nearest = uintBitsToFloat(INFINITY_BITS);
     uint longest = MOTION_UNKNOWN;
     uint oldest = 0u;
-    for (uint slot = first; slot < end; ++slot) {
-        Shaded s = shaded.data[slot];
+    uint count = 0u;
+    for (Slots slots = slots_of(index); has_slot(slots); next_slot(slots)) {
+        Shaded s = shaded.data[slots.at];
+        ++count;
         if (s.depth < 0.0) {
             continue;  // not visible
         }
         nearest = min(nearest, s.depth);
         longest = longer_motion(longest, s.motion);
 #ifdef AGE
-        oldest = max(oldest, ages.data[slot]);
+        oldest = max(oldest, ages.data[slots.at]);
 #endif
     }
     imageStore(depth, pixel, vec4(nearest));
     vec2 moved = longest == MOTION_UNKNOWN ? vec2(0.0) : unpackHalf2x16(longest);
     imageStore(motion, pixel, vec4(moved, 0.0, 0.0));
-    imageStore(density, pixel, density_of(index, end - first));
+    imageStore(density, pixel, density_of(index, count));
     imageStore(age, pixel, vec4(float(oldest)));
 }

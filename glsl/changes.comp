@@ -17,16 +17,22 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
 layout(set = 0, binding = 1, std430) readonly buffer Offsets { uint data[]; } offsets;
 layout(set = 0, binding = 2, rgba32f) uniform writeonly image2D changes;
+layout(set = 0, binding = 3, std430) readonly buffer Extras { uint data[]; } extras;
 #ifdef STABLE
-layout(set = 0, binding = 3, std430) readonly buffer Masks { uint data[]; } masks;
-layout(set = 0, binding = 4, std430) readonly buffer Plan { uint data[]; } plan;
-layout(set = 0, binding = 5, std430) readonly buffer Previous { Sample data[]; } previous;
-layout(set = 0, binding = 6, std430) readonly buffer Samples { Sample data[]; } samples;
-layout(set = 0, binding = 7, std430) readonly buffer Sources { uint data[]; } sources;
-layout(set = 0, binding = 8, std430) readonly buffer Lit { uint data[]; } lit;
-layout(set = 0, binding = 9, std430) readonly buffer PreviousReached { uint data[]; } previous_reached;
-layout(set = 0, binding = 10, std430) writeonly buffer Reached { uint data[]; } reached;
+layout(set = 0, binding = 4, std430) readonly buffer Masks { uint data[]; } masks;
+layout(set = 0, binding = 5, std430) readonly buffer Plan { uint data[]; } plan;
+layout(set = 0, binding = 6, std430) readonly buffer Previous { Sample data[]; } previous;
+layout(set = 0, binding = 7, std430) readonly buffer Samples { Sample data[]; } samples;
+layout(set = 0, binding = 8, std430) readonly buffer Sources { uint data[]; } sources;
+layout(set = 0, binding = 9, std430) readonly buffer Lit { uint data[]; } lit;
+layout(set = 0, binding = 10, std430) readonly buffer PreviousReached { uint data[]; } previous_reached;
+layout(set = 0, binding = 11, std430) writeonly buffer Reached { uint data[]; } reached;
 
+#endif
+
+#include "slots.glsl"
+
+#ifdef STABLE
 // Whether this is the point that it was. Verification only marks a sample: one with another instance is lost, and one at
 // another place was replaced.
 bool is_same_point(Sample a, Sample b) {
@@ -57,16 +63,19 @@ void main() {
         return;
     }
     uint index = pixel_index(gl_GlobalInvocationID.xy, frame.data.size);
-    uint first = offsets.data[index];
-    uint end = offsets.data[index + 1u];
+    vec4 counts = vec4(0.0);
+    for (Slots slots = slots_of(index); has_slot(slots); next_slot(slots)) {
 #ifdef STABLE
-    uint evicted = (masks.data[index] >> 16) & ~plan.data[index];
-    vec4 counts = vec4(0.0, bitCount(evicted), 0.0, 0.0);
-    for (uint slot = first; slot < end; ++slot) {
-        counts += change_of(slot);
-    }
+        counts += change_of(slots.at);
 #else
-    vec4 counts = vec4(float(end - first), 0.0, 0.0, 0.0);
+        counts.r += 1.0;
+#endif
+    }
+#ifdef STABLE
+    float evicted = float(bitCount((masks.data[index] >> 16) & ~plan.data[index]));
+    // What a fill evicts has been listed, and is there as lost.
+    bool listed = (frame.data.flags & FRAME_FILL) != 0u;
+    counts += vec4(0.0, evicted, listed ? -evicted : 0.0, 0.0);
 #endif
     imageStore(changes, ivec2(gl_GlobalInvocationID.xy), counts);
 }

@@ -9,6 +9,7 @@
 #include "camera.glsl"
 #include "analysis.glsl"
 #include "thin.glsl"
+#include "tile_sum.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
@@ -27,21 +28,6 @@ layout(set = 0, binding = 10, std430) writeonly buffer Ages { uint data[]; } age
 #ifdef SOURCE
 layout(set = 0, binding = 11, std430) writeonly buffer Sources { uint data[]; } sources;
 #endif
-
-shared uint sums[64];
-
-// Samples before this thread's in the tile.
-uint exclusive_sum(uint thread, uint count) {
-    sums[thread] = count;
-    barrier();
-    for (uint step = 1u; step < 64u; step <<= 1) {
-        uint before = thread >= step ? sums[thread - step] : 0u;
-        barrier();
-        sums[thread] += before;
-        barrier();
-    }
-    return sums[thread] - count;
-}
 
 void write(uint slot, uvec2 pixel, uint index, uint subpixel, bool added) {
     if (added) {
@@ -78,9 +64,9 @@ void main() {
     if (index + 1u == frame.data.size.x * frame.data.size.y) {
         offsets.data[index + 1u] = end;
     }
-    // Unoccluded first, then new, then occluded: what is thinned out is what matters least.
-    uint urgent = visible | (decided & 0xffff0000u);
-    uint rest = kept & ~visible;
+    // Where all fits, by subpixel. Else unoccluded first, then new, then occluded: what is thinned out is what matters least.
+    uint urgent = counters.data.thin == 0u ? decided : visible | (decided & 0xffff0000u);
+    uint rest = decided & ~urgent;
     for (; slot < end; ++slot) {
         bool last = urgent == 0u;
         uint bit = uint(findLSB(last ? rest : urgent));

@@ -21,9 +21,12 @@ layout(set = 0, binding = 3, std430) buffer Film { vec4 data[]; } film;
 #else
 layout(set = 0, binding = 3, std430) writeonly buffer Film { vec4 data[]; } film;
 #endif
+layout(set = 0, binding = 4, std430) readonly buffer Extras { uint data[]; } extras;
 #ifdef MOTION
-layout(set = 0, binding = 4, std430) writeonly buffer Motion { uint data[]; } motion;
+layout(set = 0, binding = 5, std430) writeonly buffer Motion { uint data[]; } motion;
 #endif
+
+#include "slots.glsl"
 
 // The longest known motion in a pixel, and in the block.
 struct Motions {
@@ -39,10 +42,9 @@ vec4 gather_block(ivec2 pixel, int radius, inout Motions longest) {
     for (int y = low.y; y <= high.y; ++y) {
         for (int x = low.x; x <= high.x; ++x) {
             uint index = pixel_index(uvec2(x, y), frame.data.size);
-            uint end = offsets.data[index + 1u];
-            for (uint slot = offsets.data[index]; slot < end; ++slot) {
-                Shaded s = shaded.data[slot];
-                sum += weighted_sample(s, vec2(ivec2(x, y) - pixel), radius);
+            for (Slots slots = slots_of(index); has_slot(slots); next_slot(slots)) {
+                Shaded s = shaded.data[slots.at];
+                sum += weighted_sample(s, vec2(ivec2(x, y) - pixel), radius, frame.data.filter_width);
 #ifdef MOTION
                 uint moved = s.depth < 0.0 ? MOTION_UNKNOWN : s.motion;
                 longest.around = longer_motion(longest.around, moved);

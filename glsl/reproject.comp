@@ -3,6 +3,20 @@
 // Paper 1, section 4.1: each cached sample claims the subpixel that it projects to. Where several land on one subpixel
 // the smallest claim wins: unoccluded before occluded, then the older index. The minimum does not depend on the order of
 // arrival, which is Algorithm 1's outcome without its race.
+//
+// The `nearest` variant, for a frame with a fill, prefers the nearer of two that are equally occluded before the older. What
+// is about to be covered is known only after verification: where the older wins, a sample that gets covered takes the
+// subpixel of one in front of it, and surfaces in front lose samples wherever they move. That minimum needs a depth and
+// an index, more than an atomic minimum of 32 bits holds; so a claim is replaced by compare and swap, as long as ours is less.
+// It is strict, so that every swap is a step down: the outcome is the minimum, in whatever order samples arrive. Of equally
+// near ones, such as samples of the sky, their positions decide, which stay what they are when the list's order does not.
+//
+// The `displaced` variant comes after it. Samples that did not get their subpixel, which is most often one that was covered
+// and is about to come back, would be missing behind what moves on. Each tries for the next subpixel of its pixel that is
+// free; two that try for the same are again ordered by the minimum.
+//
+// variant nearest: NEAREST
+// variant displaced: NEAREST DISPLACED
 #include "camera.glsl"
 
 layout(local_size_x = 64) in;
@@ -12,6 +26,54 @@ layout(set = 0, binding = 2, std430) readonly buffer CountersBlock { Counters da
 layout(set = 0, binding = 3, std430) readonly buffer Samples { Sample data[]; } samples;
 layout(set = 0, binding = 4, std430) buffer Claims { uint data[]; } claims;
 layout(set = 0, binding = 5, std430) buffer Masks { uint data[]; } masks;
+#ifdef DISPLACED
+layout(set = 0, binding = 6, std430) readonly buffer Taken { uint data[]; } taken;  // the masks before
+#endif
+
+#ifdef NEAREST
+// Squared distance from the camera, with the sky behind everything.
+float depth_key(Sample s) {
+    uint id = s.instance & INSTANCE_MASK;
+    if (id >= frame.data.instance_count) {
+        return uintBitsToFloat(INFINITY_BITS);
+    }
+    vec3 relative = transform_point(instances.data[id].to_relative, s.position);
+    return dot_precise(relative, relative);
+}
+
+// Whether a sample comes before the one that holds a claim.
+bool precedes(uint mine, Sample s, float depth, uint held) {
+    uint occluded = mine & OCCLUDED_BIT;
+    if (occluded != (held & OCCLUDED_BIT)) {
+        return occluded == 0u;
+    }
+    Sample holder = samples.data[held & INSTANCE_MASK];
+    float other = depth_key(holder);
+    uvec3 ours = floatBitsToUint(s.position);
+    uvec3 theirs = floatBitsToUint(holder.position);
+    if (depth != other) {
+        return depth < other;
+    }
+    bool less = ours.z < theirs.z || (ours.z == theirs.z && mine < held);
+    less = ours.y < theirs.y || (ours.y == theirs.y && less);
+    return ours.x < theirs.x || (ours.x == theirs.x && less);
+}
+
+void claim(uint slot, uint mine, Sample s) {
+    const uint UNCLAIMED = 0xffffffffu;
+    float depth = depth_key(s);
+    uint expected = UNCLAIMED;
+    uint held = atomicCompSwap(claims.data[slot], expected, mine);
+    while (held != expected && precedes(mine, s, depth, held)) {
+        expected = held;
+        held = atomicCompSwap(claims.data[slot], expected, mine);
+    }
+}
+#else
+void claim(uint slot, uint mine, Sample s) {
+    atomicMin(claims.data[slot], mine);
+}
+#endif
 
 void main() {
     uint i = dense_index();
@@ -35,6 +97,17 @@ void main() {
     uint subpixel = subpixel_bit(subpixel_of(where, pixel), flags);
     uint index = pixel_index(pixel, frame.data.size);
     uint occluded = s.instance & OCCLUDED_BIT;
-    atomicMin(claims.data[claim_slot(index, subpixel, flags)], occluded | i);
+    uint slot = claim_slot(index, subpixel, flags);
+#ifdef DISPLACED
+    uint vacant = ~taken.data[index] & subpixel_bits(flags);
+    // Claims on what was taken before do not change any more.
+    if ((claims.data[slot] & INSTANCE_MASK) == i || vacant == 0u) {
+        return;
+    }
+    uint behind = vacant & ~((2u << subpixel) - 1u);
+    subpixel = uint(findLSB(behind != 0u ? behind : vacant));
+    slot = claim_slot(index, subpixel, flags);
+#endif
+    claim(slot, occluded | i, s);
     atomicOr(masks.data[index], (occluded == 0u ? 0x10001u : 1u) << subpixel);
 }

@@ -1,7 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Exclusive prefix sum over the tiles' sample counts, in place, by a single workgroup: a tile is 64 pixels, so even at
-// 8K there are only half a million. Then the length of the dense list and the arguments of the dispatches over it.
+// 8K there are only half a million. Then the length of the dense list and the arguments of the dispatches over it. The
+// `fill` variant lists what is added behind the list that is there already.
+//
+// variant fill: FILL
 #include "types.glsl"
 
 layout(local_size_x = 256) in;
@@ -26,19 +29,38 @@ uint fraction(uint a, uint b) {
     return quotient;
 }
 
+// Workgroups across and down for this many threads.
+uvec2 groups_of(uint threads) {
+    uint groups = (threads + 63u) / 64u;
+    return uvec2(min(groups, 32768u), (groups + 32767u) / 32768u);
+}
+
 void finish(uint total) {
-    bool fits = total <= frame.data.capacity;
-    counters.data.thin = fits ? 0u : max(fraction(frame.data.capacity, total), 1u);  // 0 means that all fits
+#ifdef FILL
+    uint listed = counters.data.samples;
+#else
+    uint listed = 0u;
+#endif
+    uint room = frame.data.capacity - listed;
+    bool fits = total <= room;
+    counters.data.thin = fits ? 0u : max(fraction(room, total), 1u);  // 0 means that all fits
     uint high = total;
     uint low;
     if (!fits) {
         umulExtended(total, counters.data.thin, high, low);
     }
-    counters.data.samples = high;
-    uint groups = (high + 63u) / 64u;
-    counters.data.trace_x = min(groups, 32768u);
-    counters.data.trace_y = (groups + 32767u) / 32768u;
+    counters.data.first = listed;
+    counters.data.samples = listed + high;
+    uvec2 groups = groups_of(listed + high);
+    counters.data.trace_x = groups.x;
+    counters.data.trace_y = groups.y;
     counters.data.trace_z = 1u;
+#ifdef FILL
+    groups = groups_of(high);
+    counters.data.fill_x = groups.x;
+    counters.data.fill_y = groups.y;
+    counters.data.fill_z = 1u;
+#endif
 }
 
 void main() {

@@ -1,7 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Paper 1, section 4.3: one ray an entry of the dense list. A new sample's ray is unbounded and makes the sample. A cached
-// sample's ray ends a little behind the sample: it finds the sample's own surface, or what hides it.
+// sample's ray ends a little behind the sample: it finds the sample's own surface, or what hides it. Of a list to which a
+// fill was added behind, only that part is traced.
 //
 // variant alpha: ALPHA
 #include "camera.glsl"
@@ -78,7 +79,7 @@ Found check_sample(uint slot, uint id, vec3 relative, Intersection hit) {
 }
 
 void main() {
-    uint slot = dense_index();
+    uint slot = counters.data.first + dense_index();
     if (slot >= counters.data.samples) {
         return;
     }

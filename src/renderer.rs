@@ -19,7 +19,7 @@ use crate::{Error, Result};
 use ash::vk;
 use std::sync::Arc;
 
-pub use crate::settings::{Aov, Method, Settings};
+pub use crate::settings::{Aov, Fill, Method, Settings, Weights};
 pub use crate::stats::{FrameStats, PhaseTime};
 
 /// What changes from frame to frame.
@@ -381,8 +381,8 @@ impl Frames {
         let storage = Storage::new(settings);
         let buffers = FrameBuffers::new(context, settings, &storage, scene.instance_count(), scene.light_count())?;
         let ring = Ring::new(context, scene)?;
-        // Two plans of less than 20 passes each.
-        let kit = Kit::new(context, 2 * 20)?;
+        // Two plans of less than 28 passes each.
+        let kit = Kit::new(context, 2 * 28)?;
         let plan_of = |slot: usize| -> Result<Plan> {
             let resources = buffers.resources(slot);
             let transfers = ring.transfers(slot, &resources, scene);

@@ -6,11 +6,12 @@ use crate::shaders::Counters;
 /// Counts of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct FrameStats {
-    /// Camera rays traced: kept and new samples, those found occluded included.
+    /// Camera rays traced: kept and new samples, those found occluded included; with a fill those that were then evicted too.
     pub rays: u32,
     /// Shadow rays traced.
     pub shadow_rays: u32,
-    /// Samples that were reprojected onto the screen and kept; with point tracking, rays towards points of the last frame.
+    /// Samples that were reprojected onto the screen and kept; with a fill, those that were evicted then too; with point
+    /// tracking, rays towards points of the last frame.
     pub reused: u32,
     /// Samples added; with point tracking, rays that no point directed.
     pub added: u32,
@@ -44,20 +45,25 @@ impl FrameStats {
     pub(crate) fn new(c: &Counters, settings: &Settings) -> Self {
         let reprojects = settings.method.reprojects();
         let added = if reprojects { c.added } else { c.samples };
+        // With a fill everything that was reprojected is traced, whatever becomes of it.
+        let fills = settings.fills();
+        let reused = if fills { c.first } else { c.reused };
+        let wanted = added + reused;
+        let gone = if fills { c.evicted } else { 0 };
         // No pixel of a method that reprojects nothing has a reprojected sample.
         let mut histogram = [0; 17];
         histogram[0] = settings.size[0] * settings.size[1];
         Self {
             rays: c.samples,
             shadow_rays: c.shadow_rays,
-            reused: c.reused,
+            reused,
             added,
             evicted: c.evicted,
             occluded: c.occluded,
             lost: c.lost,
             replaced: c.replaced,
-            thinned: (c.reused + added).saturating_sub(c.samples),
-            shaded: (c.samples + c.replaced).saturating_sub(c.occluded + c.lost),
+            thinned: wanted.saturating_sub(c.samples),
+            shaded: (c.samples + c.replaced).saturating_sub(c.occluded + c.lost + gone),
             histogram: if reprojects { c.histogram } else { histogram },
         }
     }

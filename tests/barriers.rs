@@ -23,7 +23,7 @@ use proptest::prelude::*;
 use stillray::gpu::Threads;
 use stillray::gpu::pass::{Barrier, Pass, Range, Resource, Work, barriers};
 use stillray::method::plan::Plan;
-use stillray::renderer::{Aov, FrameInputs, Method, Renderer, Settings};
+use stillray::renderer::{Aov, Fill, FrameInputs, Method, Renderer, Settings};
 use stillray::scene::Scene;
 use stillray::shaders::Access;
 use support::host::Host;
@@ -235,8 +235,11 @@ fn drop_each(scene: &Scene, settings: &Settings) {
 #[test]
 fn the_layer_notices_dropped_barriers_of_stable() {
     let scene = load("builtin:cornell");
-    let settings = Settings { size: [16, 16], aovs: vec![Aov::Age, Aov::Changes], ..Settings::default() };
-    drop_each(&scene, &settings);
+    for filter_fill in [Fill::None, Fill::Edge] {
+        let aovs = vec![Aov::Age, Aov::Changes];
+        let settings = Settings { size: [16, 16], aovs, filter_fill, ..Settings::default() };
+        drop_each(&scene, &settings);
+    }
 }
 
 #[test]

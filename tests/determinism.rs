@@ -37,7 +37,9 @@ const FRAMES: &str = "--size 56x40 --frames 4 --motion orbit --format exr,png --
 
 #[test]
 fn runs_with_any_number_of_driver_threads_write_identical_files() {
-    let runs = [("spheres", "stable"), ("hairball?strands=300", "stable"), ("hairball?strands=300", "point-tracking")];
+    let papers = "stable --set filter.fill=none --set filter.weights=equal";
+    let hairball = "hairball?strands=300";
+    let runs = [("spheres", "stable"), (hairball, "stable"), (hairball, papers), (hairball, "point-tracking")];
     for (scene, method) in runs {
         let arguments = format!("builtin:{scene} --method {method} {FRAMES}");
         let first = render(&arguments, Some("1"));

@@ -82,6 +82,26 @@ fn plans_tiles_and_counts_are_the_twins() {
 }
 
 #[test]
+fn the_two_runs_of_a_frame_with_a_fill_are_the_twins() {
+    let context = support::validated_context();
+    let keep = Kernel::new(&context, &shaders::analyze_keep::SHADER);
+    let fill = Kernel::new(&context, &shaders::analyze_fill::SHADER);
+    for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
+        let random = &mut Random::new(seed as u32);
+        let masks = random_masks(random, size);
+        let frame = random_frame(random, size);
+        compare(&on_device(&keep, &frame, &masks), &analyze::keep(&frame, &masks)).unwrap();
+        let device = on_device(&fill, &frame, &masks);
+        compare(&device, &analyze::fill(&frame, &masks)).unwrap();
+        assert_eq!(device.plan, analyze::analyze(&frame, &masks).plan, "the same decision");
+        let others = [analyze::keep(&frame, &masks), analyze::analyze(&frame, &masks)];
+        let same = others.iter().filter(|other| compare(&device, other).is_ok()).count();
+        assert!(same == 0 || masks.len() < 200, "another count of tiles is noticed");
+    }
+    support::assert_clean(&context);
+}
+
+#[test]
 fn uniform_frames_are_the_twins() {
     let context = support::validated_context();
     let kernel = Kernel::new(&context, &shaders::analyze::SHADER);

@@ -1,4 +1,4 @@
-//! The images besides colour agree with their CPU twin exactly, in all three variants of the shader.
+//! The images besides colour agree with their CPU twin exactly, in all variants of the shader.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
 mod support;
 
@@ -8,7 +8,8 @@ use half::f16;
 use stillray::gpu::submit::Submitter;
 use stillray::gpu::{Buffer, Context, Image, ImageDesc, Place};
 use stillray::oracle::aov::{AovPixel, Cache, aov};
-use stillray::shaders::{self, Frame, MOTION_UNKNOWN, Shaded};
+use stillray::oracle::slots::Slots;
+use stillray::shaders::{self, FRAME_FILL, Frame, MOTION_UNKNOWN, Shaded};
 use support::kernel::{Bound, Kernel, data};
 use support::random::Random;
 
@@ -18,6 +19,8 @@ const SIZES: [[u32; 2]; 4] = [[1, 1], [7, 5], [32, 24], [1, 100]];
 struct Inputs {
     size: [u32; 2],
     offsets: Vec<u32>,
+    /// Second runs of the pixels, behind the first ones.
+    extras: Vec<u32>,
     shaded: Vec<Shaded>,
     masks: Vec<u32>,
     plan: Vec<u32>,
@@ -33,7 +36,11 @@ impl Inputs {
             let count = [0, 1, 1, 3, 16][random.below(5) as usize];
             offsets.push(offsets[i] + count);
         }
-        let samples = offsets[pixels] as usize;
+        let mut extras = vec![offsets[pixels]];
+        for i in 0..pixels {
+            extras.push(extras[i] + random.pick(&[0, 0, 1, 2]));
+        }
+        let samples = extras[pixels] as usize;
         // Halves of a quarter pixel: lengths are compared exactly, ties included.
         let mut step = || f16::from_f32((random.below(65) as f32 - 32.0) * 0.25).to_bits();
         let motions: Vec<u32> = (0..samples).map(|_| u32::from(step()) | u32::from(step()) << 16).collect();
@@ -50,7 +57,11 @@ impl Inputs {
         let masks = (0..pixels).map(|_| word()).map(|w| w & (w << 16 | 0xffff)).collect();
         let plan = (0..pixels).map(|_| word()).collect();
         let ages = (0..samples).map(|_| random.below(1000)).collect();
-        Self { size, offsets, shaded, masks, plan, ages }
+        Self { size, offsets, extras, shaded, masks, plan, ages }
+    }
+
+    fn slots(&self, fill: bool) -> Slots<'_> {
+        Slots { offsets: &self.offsets, extras: if fill { &self.extras } else { &[] } }
     }
 
     fn cache(&self, aged: bool) -> Cache<'_> {
@@ -66,7 +77,7 @@ const IMAGES: [(usize, vk::Format); 4] = [
     (1, vk::Format::R32_SFLOAT),
 ];
 
-fn on_device(context: &Context, kernel: &Kernel, inputs: &Inputs, stable: bool, aged: bool) -> Vec<AovPixel> {
+fn on_device(context: &Context, kernel: &Kernel, inputs: &Inputs, [stable, fill, aged]: [bool; 3]) -> Vec<AovPixel> {
     let size = inputs.size;
     let make = |(_, format): &(usize, vk::Format)| {
         let desc =
@@ -76,8 +87,11 @@ fn on_device(context: &Context, kernel: &Kernel, inputs: &Inputs, stable: bool, 
         image
     };
     let images: Vec<Image> = IMAGES.iter().map(make).collect();
-    let mut bound = vec![data(&[Frame { size, ..Frame::zeroed() }]), data(&inputs.offsets), data(&inputs.shaded)];
+    let flags = if fill { FRAME_FILL } else { 0 };
+    let frame = Frame { size, flags, ..Frame::zeroed() };
+    let mut bound = vec![data(&[frame]), data(&inputs.offsets), data(&inputs.shaded)];
     bound.extend(images.iter().map(Bound::Image));
+    bound.push(data(&inputs.extras));
     if stable {
         bound.extend([data(&inputs.masks), data(&inputs.plan)]);
     }
@@ -108,17 +122,19 @@ fn on_device(context: &Context, kernel: &Kernel, inputs: &Inputs, stable: bool, 
 fn images_agree_with_the_twin() {
     let context = support::validated_context();
     let shaders = [
-        (&shaders::aov::SHADER, false, false),
-        (&shaders::aov_stable::SHADER, true, false),
-        (&shaders::aov_age::SHADER, true, true),
+        (&shaders::aov::SHADER, false, false, false),
+        (&shaders::aov_stable::SHADER, true, false, false),
+        (&shaders::aov_age::SHADER, true, false, true),
+        (&shaders::aov_stable::SHADER, true, true, false),
+        (&shaders::aov_age::SHADER, true, true, true),
     ];
-    for (shader, stable, aged) in shaders {
+    for (shader, stable, fill, aged) in shaders {
         let kernel = Kernel::new(&context, shader);
         let random = &mut Random::new(11);
         for size in SIZES {
             let inputs = Inputs::random(random, size);
-            let twin = aov(size, &inputs.offsets, &inputs.shaded, stable.then(|| inputs.cache(aged)));
-            assert_eq!(on_device(&context, &kernel, &inputs, stable, aged), twin, "{} {size:?}", shader.name);
+            let twin = aov(size, inputs.slots(fill), &inputs.shaded, stable.then(|| inputs.cache(aged)));
+            assert_eq!(on_device(&context, &kernel, &inputs, [stable, fill, aged]), twin, "{} {size:?}", shader.name);
         }
     }
     support::assert_clean(&context);
@@ -129,8 +145,8 @@ fn the_comparison_notices_one_sample_and_one_bit() {
     let context = support::validated_context();
     let kernel = Kernel::new(&context, &shaders::aov_age::SHADER);
     let mut inputs = Inputs::random(&mut Random::new(12), [32, 24]);
-    let device = on_device(&context, &kernel, &inputs, true, true);
-    let twin = |inputs: &Inputs| aov(inputs.size, &inputs.offsets, &inputs.shaded, Some(inputs.cache(true)));
+    let device = on_device(&context, &kernel, &inputs, [true, false, true]);
+    let twin = |inputs: &Inputs| aov(inputs.size, inputs.slots(false), &inputs.shaded, Some(inputs.cache(true)));
     assert_eq!(device, twin(&inputs));
     inputs.plan[5] ^= 0x10;
     assert_ne!(device, twin(&inputs));

@@ -9,10 +9,11 @@ use stillray::gpu::submit::Submitter;
 use stillray::gpu::{Buffer, Context, Image, ImageDesc, Place};
 use stillray::headless::Session;
 use stillray::oracle::changes::{Memory, changes};
+use stillray::oracle::slots::Slots;
 use stillray::renderer::{Aov, FrameInputs, FrameStats, Method, Settings};
 use stillray::scene::motion::Motion;
 use stillray::scene::{Pose, View};
-use stillray::shaders::{self, Frame, NEW_INSTANCE, NO_SOURCE, OCCLUDED_BIT, Sample};
+use stillray::shaders::{self, FRAME_FILL, Frame, NEW_INSTANCE, NO_SOURCE, OCCLUDED_BIT, Sample};
 use support::kernel::{Bound, Kernel, blank, data, values};
 use support::random::Random;
 use support::rig::{Rig, load};
@@ -24,6 +25,8 @@ const SIZES: [[u32; 2]; 4] = [[1, 1], [7, 5], [32, 24], [1, 100]];
 struct Inputs {
     size: [u32; 2],
     offsets: Vec<u32>,
+    /// Second runs of the pixels, if a fill has added samples.
+    extras: Vec<u32>,
     masks: Vec<u32>,
     plan: Vec<u32>,
     previous: Vec<Sample>,
@@ -34,13 +37,17 @@ struct Inputs {
 }
 
 impl Inputs {
-    fn random(random: &mut Random, size: [u32; 2]) -> Self {
+    fn random(random: &mut Random, size: [u32; 2], fill: bool) -> Self {
         let pixels = (size[0] * size[1]) as usize;
         let mut offsets = vec![0];
         for i in 0..pixels {
             offsets.push(offsets[i] + [0, 1, 1, 3, 16][random.below(5) as usize]);
         }
-        let count = offsets[pixels] as usize;
+        let mut extras = if fill { vec![offsets[pixels]] } else { Vec::new() };
+        for i in 0..if fill { pixels } else { 0 } {
+            extras.push(extras[i] + random.pick(&[0, 0, 1, 2]));
+        }
+        let count = *extras.last().unwrap_or(&offsets[pixels]) as usize;
         let sample = |random: &mut Random| Sample {
             position: random.direction(),
             instance: random.below(9) | random.pick(&[0, OCCLUDED_BIT]),
@@ -68,7 +75,7 @@ impl Inputs {
         let mut word = || random.below(1 << 16) | random.below(1 << 16) << 16;
         let masks = (0..pixels).map(|_| word()).map(|w| w & (w << 16 | 0xffff)).collect();
         let plan = (0..pixels).map(|_| word()).collect();
-        Self { size, offsets, masks, plan, previous, samples, sources, lit, reached }
+        Self { size, offsets, extras, masks, plan, previous, samples, sources, lit, reached }
     }
 
     fn twin(&self, stable: bool) -> Vec<[f32; 4]> {
@@ -81,7 +88,7 @@ impl Inputs {
             lit: &self.lit,
             reached: &self.reached,
         };
-        changes(self.size, &self.offsets, stable.then_some(memory))
+        changes(self.size, Slots { offsets: &self.offsets, extras: &self.extras }, stable.then_some(memory))
     }
 
     fn on_device(&self, context: &Context, kernel: &Kernel, stable: bool) -> Vec<[f32; 4]> {
@@ -91,8 +98,10 @@ impl Inputs {
             Image::new(context, "changes", ImageDesc { format, extent: self.size, layers: 1, array: false, usage });
         let image = image.unwrap();
         image.clear(context).unwrap();
-        let frame = Frame { size: self.size, ..Frame::zeroed() };
+        let flags = if self.extras.is_empty() { 0 } else { FRAME_FILL };
+        let frame = Frame { size: self.size, flags, ..Frame::zeroed() };
         let mut bound = vec![data(&[frame]), data(&self.offsets), Bound::Image(&image)];
+        bound.push(if flags == 0 { blank::<u32>(1) } else { data(&self.extras) });
         if stable {
             bound.extend([data(&self.masks), data(&self.plan), data(&self.previous), data(&self.samples)]);
             bound.extend([data(&self.sources), data(&self.lit), data(&self.reached)]);
@@ -100,7 +109,7 @@ impl Inputs {
         }
         kernel.run(&mut bound, &[], [self.size[0], self.size[1], 1]);
         if stable {
-            assert_eq!(values::<u32>(&bound[10]), self.lit, "what the next frame is told");
+            assert_eq!(values::<u32>(&bound[11]), self.lit, "what the next frame is told");
         }
         let bytes = 16 * (self.size[0] * self.size[1]) as usize;
         let back = Buffer::new(context, "back", bytes as u64, Place::Readback).unwrap();
@@ -114,11 +123,13 @@ impl Inputs {
 #[test]
 fn images_agree_with_the_twin() {
     let context = support::validated_context();
-    for (shader, stable) in [(&shaders::changes::SHADER, false), (&shaders::changes_stable::SHADER, true)] {
+    let plain = &shaders::changes::SHADER;
+    let stable = &shaders::changes_stable::SHADER;
+    for (shader, stable, fill) in [(plain, false, false), (stable, true, false), (stable, true, true)] {
         let kernel = Kernel::new(&context, shader);
         let random = &mut Random::new(11);
         for size in SIZES {
-            let inputs = Inputs::random(random, size);
+            let inputs = Inputs::random(random, size, fill);
             let twin = inputs.twin(stable);
             assert_eq!(inputs.on_device(&context, &kernel, stable), twin, "{} {size:?}", shader.name);
             let there = |channel: usize| twin.iter().any(|p| p[channel] > 0.0);
@@ -132,7 +143,7 @@ fn images_agree_with_the_twin() {
 fn the_comparison_notices_each_kind_of_change() {
     let context = support::validated_context();
     let kernel = Kernel::new(&context, &shaders::changes_stable::SHADER);
-    let inputs = Inputs::random(&mut Random::new(12), [32, 24]);
+    let inputs = Inputs::random(&mut Random::new(12), [32, 24], false);
     let device = inputs.on_device(&context, &kernel, true);
     assert_eq!(device, inputs.twin(true));
     // A sample that is as it was.

@@ -10,7 +10,10 @@ use proptest::test_runner::{Config, TestRunner};
 use std::collections::HashSet;
 use stillray::oracle::bounded::Bounded;
 use stillray::oracle::camera::{self, Projection, subpixel_bit};
-use stillray::oracle::reproject::{Landing, Reprojected, Subpixel, UNCLAIMED, landing, landing_bounded, reproject};
+use stillray::oracle::reproject::{
+    Landing, Reprojected, Subpixel, UNCLAIMED, landing, landing_bounded, reproject, reproject_displaced,
+    reproject_nearest,
+};
 use stillray::shaders::{
     self, Counters, FRAME_QUARTERS, FRAME_RESET, Frame, INSTANCE_MASK, Instance, OCCLUDED_BIT, Sample,
 };
@@ -20,15 +23,33 @@ use support::view::View;
 
 fn on_device(kernel: &Kernel, frame: &Frame, instances: &[Instance], samples: &[Sample], listed: u32) -> Reprojected {
     let pixels = (frame.size[0] * frame.size[1]) as usize;
+    let nothing =
+        Reprojected { claims: vec![UNCLAIMED; camera::subpixels(frame.flags) * pixels], masks: vec![0; pixels] };
+    run(kernel, frame, instances, samples, listed, &nothing, false)
+}
+
+/// From these claims and masks on; the second round of a frame is told what was `taken` before.
+fn run(
+    kernel: &Kernel,
+    frame: &Frame,
+    instances: &[Instance],
+    samples: &[Sample],
+    listed: u32,
+    before: &Reprojected,
+    taken: bool,
+) -> Reprojected {
     let counters = Counters { samples: listed, ..Counters::zeroed() };
-    let mut bound = [
+    let mut bound = vec![
         data(&[*frame]),
         data(instances),
         data(&[counters]),
         data(samples),
-        data(&vec![UNCLAIMED; camera::subpixels(frame.flags) * pixels]),
-        data(&vec![0_u32; pixels]),
+        data(&before.claims),
+        data(&before.masks),
     ];
+    if taken {
+        bound.push(data(&before.masks));
+    }
     // Two-dimensional as in a frame, with groups to spare.
     let across = 1 + samples.len() as u32 / 64 / 3;
     kernel.run(&mut bound, &[], [64 * across, 4, 1]);
@@ -159,12 +180,110 @@ fn proptest_finds_no_other_outcome() {
 }
 
 #[test]
+fn the_nearer_of_two_wins_where_it_is_asked_for() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reproject_nearest::SHADER);
+    let mut caught = 0;
+    for (case, size) in SIZES.into_iter().chain([[160, 90]]).enumerate() {
+        let random = &mut Random::new(100 + case as u32);
+        let mut view = View::new(random, size, 5);
+        view.frame.flags = [0, FRAME_QUARTERS][case % 2];
+        let count = (32 * size[0] * size[1]).min(60_000);
+        let share = [0.3, 0.0, 1.0][case % 3];
+        let samples: Vec<Sample> = (0..count).map(|_| view.random_sample(random, share)).collect();
+        let unsure = uncertain(&view.frame, &view.instances, &samples);
+        let device = on_device(&kernel, &view.frame, &view.instances, &samples, count);
+        compare(view.frame.flags, &device, &reproject_nearest(&view.frame, &view.instances, &samples), &unsure)
+            .unwrap();
+        consistent(&device, &view.frame, &view.instances, &samples);
+        caught += u32::from(
+            compare(view.frame.flags, &device, &reproject(&view.frame, &view.instances, &samples), &unsure).is_err(),
+        );
+    }
+    assert!(caught > 6, "the older ones are others");
+    support::assert_clean(&context);
+}
+
+#[test]
+fn who_does_not_get_a_subpixel_takes_the_next_free_one() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reproject_displaced::SHADER);
+    let mut displaced = 0;
+    for (case, size) in SIZES.into_iter().chain([[160, 90]]).enumerate() {
+        let random = &mut Random::new(200 + case as u32);
+        let mut view = View::new(random, size, 5);
+        view.frame.flags = [0, FRAME_QUARTERS][case % 2];
+        let count = (random.pick(&[2, 8, 20]) * size[0] * size[1]).min(60_000);
+        let mut samples: Vec<Sample> = (0..count).map(|_| view.random_sample(random, 0.3)).collect();
+        // A sample that lands on a border could displace others, or not: they are left out.
+        samples.retain(|s| matches!(landing_bounded(&view.frame, &view.instances, s), Landing::On(_)));
+        let (frame, instances) = (&view.frame, &view.instances);
+        let first = reproject_nearest(frame, instances, &samples);
+        let device = run(&kernel, frame, instances, &samples, samples.len() as u32, &first, true);
+        assert_eq!(device, reproject_displaced(frame, instances, &samples, &first), "{size:?}");
+        let claims = |r: &Reprojected| r.claims.iter().filter(|c| **c != UNCLAIMED).count();
+        displaced += claims(&device) - claims(&first);
+        // Everyone is there once, and in the pixel where it lands.
+        let mut seen = HashSet::new();
+        for (slot, claim) in device.claims.iter().enumerate().filter(|c| *c.1 != UNCLAIMED) {
+            let i = (claim & INSTANCE_MASK) as usize;
+            assert!(
+                seen.insert(i)
+                    && landing(frame, instances, &samples[i]).unwrap().0 == slot / camera::subpixels(view.frame.flags)
+            );
+        }
+        // The same samples in another order get the same places: a still picture keeps still.
+        let at = |r: &Reprojected, samples: &[Sample]| -> Vec<[u32; 3]> {
+            let held = r.claims.iter().filter(|c| **c != UNCLAIMED);
+            held.map(|c| samples[(c & INSTANCE_MASK) as usize].position.map(f32::to_bits)).collect()
+        };
+        let before = at(&device, &samples);
+        random.shuffle(&mut samples);
+        let first = reproject_nearest(frame, instances, &samples);
+        assert_eq!(at(&reproject_displaced(frame, instances, &samples, &first), &samples), before);
+    }
+    assert!(displaced > 1000, "{displaced}");
+    support::assert_clean(&context);
+}
+
+#[test]
+fn of_all_on_one_subpixel_the_nearest_unoccluded_one_stays() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, &shaders::reproject_nearest::SHADER);
+    let random = &mut Random::new(4);
+    let view = View::new(random, [7, 5], 4);
+    let at = [0.375, 0.625].map(|inside| 3.0 + inside);
+    let ndc = [at[0] / 7.0 * 2.0 - 1.0, 1.0 - (at[1] - 1.0) / 5.0 * 2.0];
+    for occluded in [0.0, 0.9, 1.0] {
+        // Two of every depth: of equally near ones the older stays. A sky sample is farther than everything.
+        let mut samples: Vec<Sample> = (0..3000)
+            .flat_map(|i| {
+                let sample = view.sample(i % 4, view.point(ndc, f64::from(random.between(0.5, 20.0))));
+                let hidden = if random.chance(occluded) { OCCLUDED_BIT } else { 0 };
+                [Sample { instance: sample.instance | hidden, ..sample }; 2]
+            })
+            .collect();
+        samples.insert(0, View::sky(view.point(ndc, 1.0)));
+        samples[0].instance |= if occluded == 1.0 { OCCLUDED_BIT } else { 0 };
+        for _ in 0..3 {
+            let device = on_device(&kernel, &view.frame, &view.instances, &samples, samples.len() as u32);
+            let twin = reproject_nearest(&view.frame, &view.instances, &samples);
+            assert_eq!(device, twin);
+            let holder: Vec<u32> = device.claims.into_iter().filter(|c| *c != UNCLAIMED).collect();
+            assert!(holder.len() == 1 && samples[(holder[0] & INSTANCE_MASK) as usize].instance & INSTANCE_MASK < 4);
+            random.shuffle(&mut samples);
+        }
+    }
+    support::assert_clean(&context);
+}
+
+#[test]
 fn extreme_lists_are_no_exception() {
     let context = support::validated_context();
     let kernel = Kernel::new(&context, &shaders::reproject::SHADER);
     let random = &mut Random::new(7);
     let view = View::new(random, [33, 21], 3);
-    let run = |frame: &Frame, samples: &[Sample], listed: u32| {
+    let compared = |frame: &Frame, samples: &[Sample], listed: u32| {
         let device = on_device(&kernel, frame, &view.instances, samples, listed);
         let twin = reproject(frame, &view.instances, &samples[..listed as usize]);
         let unsure = uncertain(frame, &view.instances, &samples[..listed as usize]);
@@ -173,22 +292,25 @@ fn extreme_lists_are_no_exception() {
     };
     let untouched = |r: &Reprojected| r.masks.iter().all(|&m| m == 0) && r.claims.iter().all(|&c| c == UNCLAIMED);
 
-    assert!(untouched(&run(&view.frame, &[], 0)), "empty");
+    assert!(untouched(&compared(&view.frame, &[], 0)), "empty");
     let many: Vec<Sample> = (0..5000).map(|_| view.random_sample(random, 0.3)).collect();
-    assert!(untouched(&run(&view.frame, &many, 0)), "entries behind the list's end are not samples");
-    assert!(!untouched(&run(&view.frame, &many, 700)));
+    assert!(untouched(&compared(&view.frame, &many, 0)), "entries behind the list's end are not samples");
+    assert!(!untouched(&compared(&view.frame, &many, 700)));
     let reset = Frame { flags: FRAME_RESET, ..view.frame };
-    assert!(untouched(&run(&reset, &many, 5000)), "a reset forgets everything");
+    assert!(untouched(&compared(&reset, &many, 5000)), "a reset forgets everything");
     let behind: Vec<Sample> = (0..5000)
         .map(|i| (i, [0, 1].map(|_| random.between(-3.0, 3.0)), -f64::from(random.between(0.01, 100.0))))
         .map(|(i, at, depth)| view.sample(i % 3, view.point(at, depth)))
         .collect();
-    assert!(untouched(&run(&view.frame, &behind, 5000)), "all behind the camera");
+    assert!(untouched(&compared(&view.frame, &behind, 5000)), "all behind the camera");
     let full: Vec<Sample> = (0..33 * 21 * 16)
         .map(|i| [i % 132, i / 132].map(|v| v as f32 + 0.5))
         .map(|[x, y]| View::sky(view.point([x / 66.0 - 1.0, 1.0 - y / 42.0], 1.0)))
         .collect();
-    assert!(run(&view.frame, &full, full.len() as u32).masks.iter().all(|&m| m == u32::MAX), "every subpixel full");
+    assert!(
+        compared(&view.frame, &full, full.len() as u32).masks.iter().all(|&m| m == u32::MAX),
+        "every subpixel full"
+    );
     support::assert_clean(&context);
 }
 

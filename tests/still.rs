@@ -3,7 +3,7 @@
 mod support;
 
 use glam::{DQuat, DVec3};
-use stillray::renderer::{Method, Settings};
+use stillray::renderer::{Fill, Method, Settings, Weights};
 use stillray::scene::motion::Motion;
 use stillray::scene::{LocalTransform, Scene};
 use support::rig::{Rig, bits, load, shared_scene};
@@ -41,8 +41,13 @@ fn every_built_in_scene_stands_still() {
         for (density, tolerance) in [(1.0, 1.0), (0.3, 0.0625), (2.5, 0.25), (4.0, 2.0)] {
             assert_still(&rig, &Settings { size: [64, 48], density, tolerance, ..Settings::default() }, 0);
         }
-        assert_still(&rig, &Settings { size: [64, 48], ..Settings::default() }, 3);
-        assert_still(&rig, &Settings { size: [64, 48], density: 2.0, subpixels: 2, ..Settings::default() }, 3);
+        for (fill, weights) in
+            [(Fill::Edge, Weights::Equal), (Fill::Edge, Weights::Voronoi), (Fill::None, Weights::Equal)]
+        {
+            let settings = Settings { filter_fill: fill, filter_weights: weights, ..Settings::default() };
+            assert_still(&rig, &Settings { size: [64, 48], ..settings.clone() }, 3);
+            assert_still(&rig, &Settings { size: [64, 48], density: 2.0, subpixels: 2, ..settings }, 3);
+        }
         for moving in [0, 3] {
             assert_still(&rig, &Settings { size: [64, 48], ..Settings::of(Method::PointTracking) }, moving);
         }

@@ -9,9 +9,6 @@
 // density holds; twice that is allowed before a pixel is left black.
 const int WIDEST_RADIUS = 8;
 
-// Standard deviation in pixels for the 3 x 3 block (radius 1): the block's edge is three deviations from the centre.
-const float FILTER_SIGMA = 0.5;
-
 // Position of a shaded sample in its pixel, in [0, 1).
 vec2 shaded_offset(Shaded s) {
     uint bytes = s.color_b_offset >> 16;
@@ -40,13 +37,14 @@ vec3 film_mean(vec4 sum) {
     return sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
 }
 
-// Colour times weight, and the weight, of a sample in the pixel `away` from the one that is reconstructed.
-vec4 weighted_sample(Shaded s, vec2 away, int radius) {
+// Colour times weight, and the weight, of a sample in the pixel `away` from the one that is reconstructed. `deviation` is
+// the filter's for the 3 x 3 block; wider blocks widen it.
+vec4 weighted_sample(Shaded s, vec2 away, int radius, float deviation) {
     if (s.depth < 0.0) {
         return vec4(0.0);  // not visible
     }
     vec2 d = away + shaded_offset(s) - 0.5;
-    float width = FILTER_SIGMA * float(radius);
+    float width = deviation * float(radius);
     float weight = exp(-dot(d, d) / (2.0 * width * width));
     return vec4(shaded_color(s) * weight, weight);
 }

@@ -153,6 +153,10 @@ struct Counters {
     uint trace_z;
     uint samples;     // length of the dense list
     uint thin;        // 2^32 times the part of the samples that fits the cache, 0 if all do
+    uint first;       // samples of the dense list before those that were listed last: 0, or where the fill begins
+    uint fill_x;      // workgroups over the samples that the fill adds, for vkCmdDispatchIndirect
+    uint fill_y;
+    uint fill_z;
     uint reused;      // samples that were reprojected and kept
     uint added;
     uint evicted;     // by the analysis
@@ -189,7 +193,7 @@ struct Frame {
     uint spp;              // methods that keep no samples: samples a pixel
     uint jitter;           // methods that keep no samples: varies the sample positions
     uint shadow_rays;      // a sample and frame at most; 0: every light reaches
-    uint padding0;
+    float filter_width;    // standard deviation of the reconstruction filter, pixels
 };
 
 const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut
@@ -197,5 +201,6 @@ const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sa
 const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hidden samples too
 const uint FRAME_NEAREST = 8u;  // textures are not filtered
 const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
+const uint FRAME_FILL = 32u;  // pixels have a second run of samples, which a fill has added behind the list
 
 #endif

@@ -30,6 +30,7 @@ pub struct FrameBuffers {
     tiles: Buffer,
     offsets: Buffer,
     aims: Buffer,
+    extras: Buffer,
     frame: Buffer,
     instances: Buffer,
     lights: Buffer,
@@ -79,6 +80,7 @@ impl FrameBuffers {
             tiles: make("offsets", storage.tile_sums)?,
             offsets: make("offsets", storage.offsets)?,
             aims: make("aims", storage.aims)?,
+            extras: make("offsets", storage.extras)?,
             frame: make("frame constants", size_of::<Frame>() as u64)?,
             instances: make("instances", (instances * size_of::<Instance>()) as u64)?,
             lights: make("lights", (lights * size_of::<Light>()) as u64)?,
@@ -96,6 +98,7 @@ impl FrameBuffers {
             Range { name, offset, size, ..Range::whole(name, &self.shared) }
         };
         let s = &self.storage;
+        let offsets = Range::whole("offsets", &self.offsets);
         let cache = |name, slot: usize| Range::whole(name, &self.caches[slot % self.caches.len()]);
         let ages = |name, slot: usize| self.ages.get(slot).map(|buffer| Range::whole(name, buffer));
         FrameResources {
@@ -113,8 +116,10 @@ impl FrameBuffers {
             masks: Range::whole("masks", &self.masks),
             plan: Range::whole("plan", &self.plan),
             tiles: Range::whole("tiles", &self.tiles),
-            offsets: Range::whole("offsets", &self.offsets),
+            offsets,
             aims: Range::whole("aims", &self.aims),
+            // Never read without a fill; but something has to be bound.
+            extras: if s.extras > 0 { Range::whole("extras", &self.extras) } else { offsets },
             found: shared("found", 0, s.found),
             lit: shared("lit", s.found, s.lit),
             shaded: shared("shaded", s.shaded_offset, s.shaded),

@@ -53,6 +53,9 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     if settings.subpixels == 2 {
         flags |= shaders::FRAME_QUARTERS;
     }
+    if settings.fills() {
+        flags |= shaders::FRAME_FILL;
+    }
     shaders::Frame {
         right,
         up,
@@ -75,7 +78,7 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         spp: settings.spp,
         jitter: variation,
         shadow_rays: settings.shadow_rays,
-        ..Default::default()
+        filter_width: settings.filter_width,
     }
 }
 

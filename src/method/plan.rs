@@ -48,17 +48,18 @@ pub fn plan(
     let uploads = transfers.uploads.iter();
     let mut passes: Vec<Pass> = uploads.map(|(from, to)| Pass::copy("upload", *from, *to)).collect();
     passes.push(Pass::fill("upload", tallies(f.counters), 0));
-    passes.extend(samples_of(kit, settings, f)?);
-    passes.push(phase::verify::pass(kit, f, s)?);
-    if stable {
-        passes.push(phase::retain::pass(kit, f, s)?);
-    }
+    passes.extend(match settings.method.sampling() {
+        Sampling::Reprojected if settings.fills() => decided_after_verification(kit, f, s)?,
+        Sampling::Reprojected => decided_before_verification(kit, f, s)?,
+        Sampling::Tracked => traced(phase::track::passes(kit, f)?, kit, f, s)?,
+        Sampling::Fresh => traced(vec![phase::generate::pass(kit, f)?], kit, f, s)?,
+    });
     passes.push(phase::shadow::pass(kit, f, s)?);
     if let Some(images) = f.aovs.as_ref().filter(|_| settings.aovs.contains(&Aov::Changes)) {
         passes.push(phase::changes::pass(kit, f, images)?);
     }
     passes.push(phase::shade::pass(kit, f, s)?);
-    passes.push(phase::reconstruct::pass(kit, f, settings.method.accumulates())?);
+    passes.push(phase::reconstruct::pass(kit, f, settings)?);
     passes.push(match &f.history {
         Some(history) => phase::temporal::pass(kit, f, history, settings)?,
         None => phase::resolve::pass(kit, f, settings.float_output)?,
@@ -71,18 +72,32 @@ pub fn plan(
     Ok(Plan { passes, barriers, end: pass::to_host() })
 }
 
-/// What makes the list of samples.
-fn samples_of(kit: &Kit, settings: &Settings, f: &FrameResources) -> Result<Vec<Pass>> {
-    match settings.method.sampling() {
-        Sampling::Reprojected => {
-            let mut passes = phase::reproject::passes(kit, f)?;
-            passes.push(phase::analyze::pass(kit, f)?);
-            passes.extend(phase::list::passes(kit, f)?);
-            Ok(passes)
-        }
-        Sampling::Tracked => phase::track::passes(kit, f),
-        Sampling::Fresh => Ok(vec![phase::generate::pass(kit, f)?]),
-    }
+/// Samples with their verification.
+fn traced(mut passes: Vec<Pass>, kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
+    passes.push(phase::verify::pass(kit, f, s)?);
+    Ok(passes)
+}
+
+/// Samples as paper 1 has them (its figure 2).
+fn decided_before_verification(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
+    let mut passes = phase::reproject::passes(kit, f)?;
+    passes.push(phase::analyze::pass(kit, f)?);
+    passes.extend(phase::list::passes(kit, f)?);
+    passes.push(phase::verify::pass(kit, f, s)?);
+    passes.push(phase::retain::pass(kit, f, s)?);
+    Ok(passes)
+}
+
+/// Samples with a fill: nothing is added or evicted before it is known what is visible.
+fn decided_after_verification(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
+    let mut passes = phase::reproject::nearest_passes(kit, f)?;
+    passes.push(phase::analyze::keep_pass(kit, f)?);
+    passes.extend(phase::list::passes(kit, f)?);
+    passes.push(phase::verify::pass(kit, f, s)?);
+    passes.push(phase::fill::survey_pass(kit, f)?);
+    passes.push(phase::analyze::fill_pass(kit, f)?);
+    passes.extend(phase::fill::passes(kit, f, s)?);
+    Ok(passes)
 }
 
 /// The plan in words: a line a pass with what it reads and writes, and the barriers between.

@@ -54,6 +54,8 @@ pub struct Storage {
     pub offsets: u64,
     /// Where the ray of each pixel goes, 0 if points are not tracked.
     pub aims: u64,
+    /// The same of what the fill adds, 0 without one.
+    pub extras: u64,
     /// What the rays found.
     pub found: u64,
     /// Lights that reach each sample.
@@ -113,6 +115,7 @@ impl Storage {
             tile_sums: if stable { tiles * 4 } else { 0 },
             offsets: (pixels + 1) * 4,
             aims: if sampling == Sampling::Tracked { pixels * 8 } else { 0 },
+            extras: if settings.fills() { (pixels + 1) * 4 } else { 0 },
             found,
             lit,
             shaded,

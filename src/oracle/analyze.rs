@@ -19,11 +19,33 @@ pub struct Analysis {
     pub counters: Counters,
 }
 
+/// The plan to keep everything, with the samples of each tile; counts nothing.
+pub fn keep(frame: &Frame, masks: &[u32]) -> Analysis {
+    let plan: Vec<u32> = masks.iter().map(|word| word & 0xffff).collect();
+    let tiles = tally(frame, &plan, u32::count_ones);
+    Analysis { plan, tiles, counters: Counters::default() }
+}
+
+/// As [`analyze`], with the samples that each tile adds.
+pub fn fill(frame: &Frame, masks: &[u32]) -> Analysis {
+    let analysis = analyze(frame, masks);
+    let tiles = tally(frame, &analysis.plan, |word| (word >> 16).count_ones());
+    Analysis { tiles, ..analysis }
+}
+
+/// Sums over the pixels of each tile.
+fn tally(frame: &Frame, plan: &[u32], count: impl Fn(u32) -> u32) -> Vec<u32> {
+    let [across, down] = camera::tiles(frame.size);
+    let mut tiles = vec![0; (across * down) as usize];
+    for (pixel, word) in camera::pixels_in_order(frame.size).zip(plan) {
+        tiles[(pixel[1] / TILE * across + pixel[0] / TILE) as usize] += count(*word);
+    }
+    tiles
+}
+
 /// Plans every pixel.
 pub fn analyze(frame: &Frame, masks: &[u32]) -> Analysis {
     let size = frame.size;
-    let [across, down] = camera::tiles(size);
-    let mut tiles = vec![0; (across * down) as usize];
     let mut counters = Counters::default();
     let mut plan = Vec::with_capacity(masks.len());
     for (pixel, &word) in camera::pixels_in_order(size).zip(masks) {
@@ -35,13 +57,13 @@ pub fn analyze(frame: &Frame, masks: &[u32]) -> Analysis {
             plan_pixel(word, demand, frame.occluded_limit, camera::subpixel_bits(frame.flags), h)
         };
         let [visible, kept, added] = [word >> 16, decided & 0xffff, decided >> 16];
-        tiles[(pixel[1] / TILE * across + pixel[0] / TILE) as usize] += decided.count_ones();
         counters.reused += kept.count_ones();
         counters.added += added.count_ones();
         counters.evicted += (visible & !kept).count_ones();
         counters.histogram[visible.count_ones() as usize] += 1;
         plan.push(decided);
     }
+    let tiles = tally(frame, &plan, u32::count_ones);
     Analysis { plan, tiles, counters }
 }
 

@@ -2,6 +2,7 @@
 
 use super::camera::pixel_index;
 use super::reconstruct::{longer_motion, motion_of};
+use super::slots::Slots;
 use crate::shaders::{MOTION_UNKNOWN, Shaded};
 
 /// What the images hold at one pixel.
@@ -28,21 +29,20 @@ pub struct Cache<'a> {
     pub ages: &'a [u32],
 }
 
-/// All pixels, row by row. `offsets` are in the order of [`pixel_index`].
-pub fn aov(size: [u32; 2], offsets: &[u32], shaded: &[Shaded], cache: Option<Cache<'_>>) -> Vec<AovPixel> {
+/// All pixels, row by row. `slots` are in the order of [`pixel_index`].
+pub fn aov(size: [u32; 2], slots: Slots<'_>, shaded: &[Shaded], cache: Option<Cache<'_>>) -> Vec<AovPixel> {
     let pixels = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| [x, y]));
-    pixels.map(|pixel| one(pixel_index(pixel, size), offsets, shaded, cache)).collect()
+    pixels.map(|pixel| one(pixel_index(pixel, size), slots, shaded, cache)).collect()
 }
 
-fn one(index: usize, offsets: &[u32], shaded: &[Shaded], cache: Option<Cache<'_>>) -> AovPixel {
-    let slots = offsets[index] as usize..offsets[index + 1] as usize;
-    let visible: Vec<usize> = slots.clone().filter(|slot| shaded[*slot].depth >= 0.0).collect();
+fn one(index: usize, slots: Slots<'_>, shaded: &[Shaded], cache: Option<Cache<'_>>) -> AovPixel {
+    let visible: Vec<usize> = slots.of(index).filter(|slot| shaded[*slot].depth >= 0.0).collect();
     let longest = visible.iter().map(|slot| shaded[*slot].motion).fold(MOTION_UNKNOWN, longer_motion);
     let ages = cache.map_or(&[][..], |c| c.ages);
     AovPixel {
         depth: visible.iter().map(|slot| shaded[*slot].depth).fold(f32::INFINITY, f32::min),
         motion: if longest == MOTION_UNKNOWN { [0.0; 2] } else { motion_of(longest) },
-        density: density(index, slots.len(), cache),
+        density: density(index, slots.of(index).count(), cache),
         age: visible.iter().filter_map(|slot| ages.get(*slot)).max().map_or(0.0, |age| *age as f32),
     }
 }

@@ -2,6 +2,7 @@
 
 use super::camera::pixel_index;
 use super::gather::NO_SOURCE;
+use super::slots::Slots;
 use crate::shaders::{INSTANCE_MASK, OCCLUDED_BIT, Sample};
 
 /// What a method with a cache remembers, and what has become of it.
@@ -23,19 +24,19 @@ pub struct Memory<'a> {
     pub reached: &'a [u32],
 }
 
-/// Samples that are new, evicted, of another visibility and of other lights, of all pixels row by row. `offsets` are in the
-/// order of [`pixel_index`]. What the next frame is told to have been reached is `lit`.
-pub fn changes(size: [u32; 2], offsets: &[u32], memory: Option<Memory<'_>>) -> Vec<[f32; 4]> {
+/// Samples that are new, evicted, of another visibility and of other lights, of all pixels row by row. `slots` are in the
+/// order of [`pixel_index`]; where a fill has added some, evicted ones are listed as lost, and counted as evicted only. What the next frame is told to have been reached is `lit`.
+pub fn changes(size: [u32; 2], slots: Slots<'_>, memory: Option<Memory<'_>>) -> Vec<[f32; 4]> {
     let pixels = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| [x, y]));
-    pixels.map(|pixel| one(pixel_index(pixel, size), offsets, memory)).collect()
+    pixels.map(|pixel| one(pixel_index(pixel, size), slots, memory)).collect()
 }
 
-fn one(index: usize, offsets: &[u32], memory: Option<Memory<'_>>) -> [f32; 4] {
-    let slots = offsets[index] as usize..offsets[index + 1] as usize;
-    let Some(m) = memory else { return [slots.len() as f32, 0.0, 0.0, 0.0] };
+fn one(index: usize, slots: Slots<'_>, memory: Option<Memory<'_>>) -> [f32; 4] {
+    let Some(m) = memory else { return [slots.of(index).count() as f32, 0.0, 0.0, 0.0] };
     let (unoccluded, kept) = (m.masks[index] >> 16, m.plan[index] & 0xffff);
-    let mut counts = [0, (unoccluded & !kept).count_ones(), 0, 0];
-    for slot in slots {
+    let evicted = (unoccluded & !kept).count_ones() as i32;
+    let mut counts = [0, evicted, if slots.extras.is_empty() { 0 } else { -evicted }, 0];
+    for slot in slots.of(index) {
         if let Some(channel) = channel_of(m, slot) {
             counts[channel] += 1;
         }

@@ -38,7 +38,7 @@ pub fn gather(
     for (index, pixel) in camera::pixels_in_order(frame.size).enumerate() {
         wanted += plan[index].count_ones();
         let room = (thinned(wanted, thin) as usize) - out.samples.len();
-        for entry in by_urgency(plan[index], reprojected.masks[index]).into_iter().take(room) {
+        for entry in in_order(plan[index], reprojected.masks[index], thin).into_iter().take(room) {
             match entry {
                 Entry::New(subpixel) => {
                     let [x, y] =
@@ -66,10 +66,11 @@ enum Entry {
     New(u32),
 }
 
-/// A pixel's samples, what matters most first: unoccluded, then new, then occluded ones.
-fn by_urgency(plan: u32, mask: u32) -> Vec<Entry> {
+/// A pixel's samples: by subpixel and then the new ones if all fit; else what matters most first, which are unoccluded, then
+/// new, then occluded ones.
+fn in_order(plan: u32, mask: u32, thin: u32) -> Vec<Entry> {
     let set = |bits: u32| (0..M * M).filter(move |bit| bits >> bit & 1 != 0);
-    let (kept, visible) = (plan & 0xffff, mask >> 16);
+    let (kept, visible) = (plan & 0xffff, if thin == 0 { 0xffff } else { mask >> 16 });
     let mut all: Vec<Entry> = set(kept & visible).map(Entry::Kept).collect();
     all.extend(set(plan >> 16).map(Entry::New));
     all.extend(set(kept & !visible).map(Entry::Kept));

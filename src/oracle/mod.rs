@@ -1,6 +1,7 @@
 //! The same phases on the CPU, in f64 where it matters: the known answers.
 pub mod analyze;
 pub mod aov;
+pub mod append;
 pub mod bounded;
 pub mod camera;
 pub mod changes;
@@ -13,9 +14,12 @@ pub mod retain;
 pub mod scan;
 pub mod shade;
 pub mod shadow;
+pub mod slots;
 pub mod stage;
+pub mod survey;
 pub mod temporal;
 pub mod track;
 pub mod traverse;
 pub mod triangle;
 pub mod verify;
+pub mod voronoi;

@@ -3,23 +3,21 @@
 
 use super::bounded::Bounded;
 use super::camera;
+use super::slots::Slots;
 use crate::shaders::{FRAME_RESET, Frame, MOTION_UNKNOWN, Shaded};
 use half::f16;
 
 /// Blocks without a sample widen up to this radius in pixels; a pixel without any sample in it is black.
 pub const WIDEST_RADIUS: i64 = 8;
 
-/// Standard deviation in pixels of the filter of the 3 x 3 block; it grows with the radius.
-pub const FILTER_SIGMA: f32 = 0.5;
-
 /// The film in row order: weighted sums of red, green and blue, and the sum of weights. `film` is what the film held
 /// before, for the accumulating variant.
-pub fn reconstruct(frame: &Frame, offsets: &[u32], shaded: &[Shaded], film: Option<&[[f32; 4]]>) -> Vec<[Bounded; 4]> {
+pub fn reconstruct(frame: &Frame, slots: Slots<'_>, shaded: &[Shaded], film: Option<&[[f32; 4]]>) -> Vec<[Bounded; 4]> {
     let film = film.filter(|_| frame.flags & FRAME_RESET == 0);
     let mut out = Vec::new();
     for y in 0..i64::from(frame.size[1]) {
         for x in 0..i64::from(frame.size[0]) {
-            let blocks = (1..=WIDEST_RADIUS).map(|radius| block(frame, offsets, shaded, [x, y], radius));
+            let blocks = (1..=WIDEST_RADIUS).map(|radius| block(frame, slots, shaded, [x, y], radius));
             let mut sum = blocks.into_iter().find(|sum| sum[3].value > 0.0).unwrap_or_default();
             if let Some(before) = film {
                 let before = before[out.len()].map(Bounded::exact);
@@ -33,10 +31,10 @@ pub fn reconstruct(frame: &Frame, offsets: &[u32], shaded: &[Shaded], film: Opti
 
 /// For temporal integration, the longest known motion of each pixel in row order: of its own visible samples, else of those in
 /// the first block that has any. Exact.
-pub fn motions(frame: &Frame, offsets: &[u32], shaded: &[Shaded]) -> Vec<u32> {
+pub fn motions(frame: &Frame, slots: Slots<'_>, shaded: &[Shaded]) -> Vec<u32> {
     let pixels = (0..i64::from(frame.size[1])).flat_map(|y| (0..i64::from(frame.size[0])).map(move |x| [x, y]));
     let one = |pixel: [i64; 2]| {
-        let reach = |radius| samples(frame, offsets, shaded, pixel, radius).filter(|(s, _)| s.depth >= 0.0);
+        let reach = |radius| samples(frame, slots, shaded, pixel, radius).filter(|(s, _)| s.depth >= 0.0);
         let longest = |radius| reach(radius).map(|(s, _)| s.motion).fold(MOTION_UNKNOWN, longer_motion);
         let inside = longest(0);
         let around =
@@ -47,9 +45,9 @@ pub fn motions(frame: &Frame, offsets: &[u32], shaded: &[Shaded]) -> Vec<u32> {
 }
 
 /// Sums over the pixels up to `radius` around one, clipped to the frame.
-fn block(frame: &Frame, offsets: &[u32], shaded: &[Shaded], pixel: [i64; 2], radius: i64) -> [Bounded; 4] {
-    samples(frame, offsets, shaded, pixel, radius).fold([Bounded::default(); 4], |sum, (sample, away)| {
-        let weighted = weighted_sample(sample, away, radius);
+fn block(frame: &Frame, slots: Slots<'_>, shaded: &[Shaded], pixel: [i64; 2], radius: i64) -> [Bounded; 4] {
+    samples(frame, slots, shaded, pixel, radius).fold([Bounded::default(); 4], |sum, (sample, away)| {
+        let weighted = weighted_sample(sample, away, radius, frame.filter_width);
         [0, 1, 2, 3].map(|i| sum[i] + weighted[i])
     })
 }
@@ -57,7 +55,7 @@ fn block(frame: &Frame, offsets: &[u32], shaded: &[Shaded], pixel: [i64; 2], rad
 /// The samples of the pixels up to `radius` around one, and how far away those pixels are.
 fn samples<'a>(
     frame: &Frame,
-    offsets: &[u32],
+    slots: Slots<'a>,
     shaded: &'a [Shaded],
     [px, py]: [i64; 2],
     radius: i64,
@@ -65,10 +63,11 @@ fn samples<'a>(
     let [width, height] = frame.size.map(i64::from);
     let rows = (py - radius).max(0)..=(py + radius).min(height - 1);
     let columns = (px - radius).max(0)..=(px + radius).min(width - 1);
+    let size = frame.size;
     rows.flat_map(move |y| columns.clone().map(move |x| [x, y])).flat_map(move |[x, y]| {
-        let index = camera::pixel_index([x as u32, y as u32], frame.size);
+        let index = camera::pixel_index([x as u32, y as u32], size);
         let away = [(x - px) as f32, (y - py) as f32];
-        shaded[offsets[index] as usize..offsets[index + 1] as usize].iter().map(move |sample| (sample, away))
+        slots.of(index).map(move |slot| (&shaded[slot], away))
     })
 }
 
@@ -98,14 +97,14 @@ pub fn longer_motion(first: u32, second: u32) -> u32 {
 }
 
 /// Colour times weight, and the weight, of a sample in the pixel `away` from the one that is reconstructed.
-fn weighted_sample(sample: &Shaded, away: [f32; 2], radius: i64) -> [Bounded; 4] {
+fn weighted_sample(sample: &Shaded, away: [f32; 2], radius: i64, deviation: f32) -> [Bounded; 4] {
     if sample.depth < 0.0 {
         return [Bounded::default(); 4];
     }
     let offset = shaded_offset(sample);
     let half = Bounded::exact(0.5);
     let [dx, dy] = [0, 1].map(|i| Bounded::exact(away[i]) + offset[i] - half);
-    let width = Bounded::exact(FILTER_SIGMA) * Bounded::exact(radius as f32);
+    let width = Bounded::exact(deviation) * Bounded::exact(radius as f32);
     let two = Bounded::exact(2.0);
     let weight = (-(dx * dx + dy * dy) / (two * width * width)).exp();
     let [r, g, b] = shaded_color(sample).map(|c| Bounded::exact(c) * weight);

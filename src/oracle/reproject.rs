@@ -35,28 +35,101 @@ pub enum Landing {
 /// Reprojects all samples, the older first. Of those that meet on a subpixel an unoccluded one wins over occluded ones,
 /// then the older one.
 pub fn reproject(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> Reprojected {
+    let mut out = unclaimed(frame);
+    for i in listed(frame, samples) {
+        let Some(place) = landing(frame, instances, &samples[i]) else { continue };
+        let occluded = |i: usize| samples[i].instance & OCCLUDED_BIT != 0;
+        out.claim(frame.flags, Claim { place, i, occluded: occluded(i) }, |i, holder| {
+            (occluded(i), i) < (occluded(holder), holder)
+        });
+    }
+    out
+}
+
+/// As [`reproject`], but of equally occluded ones the nearer wins; of equally near ones it goes by the bits of their
+/// positions, then by age.
+pub fn reproject_nearest(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> Reprojected {
+    let mut out = unclaimed(frame);
+    for i in listed(frame, samples) {
+        let Some(place) = landing(frame, instances, &samples[i]) else { continue };
+        let occluded = samples[i].instance & OCCLUDED_BIT != 0;
+        out.claim(frame.flags, Claim { place, i, occluded }, |i, holder| {
+            precedes(frame, instances, samples, [i, holder])
+        });
+    }
+    out
+}
+
+/// After [`reproject_nearest`], whose outcome is `first`: samples without a claim try for the next free subpixel of their
+/// pixel, going round, in the same order.
+pub fn reproject_displaced(
+    frame: &Frame,
+    instances: &[Instance],
+    samples: &[Sample],
+    first: &Reprojected,
+) -> Reprojected {
+    let mut out = first.clone();
+    for i in listed(frame, samples) {
+        let Some((pixel, subpixel)) = landing(frame, instances, &samples[i]) else { continue };
+        let holds = first.claims[camera::claim_slot(pixel, subpixel, frame.flags)] & INSTANCE_MASK == i as u32;
+        let free = camera::subpixel_bits(frame.flags) & !first.masks[pixel];
+        let mut round = (1..M * M).map(|step| (subpixel + step) % (M * M));
+        let free = round.find(|bit| free >> bit & 1 != 0);
+        let Some(free) = free.filter(|_| !holds) else { continue };
+        let occluded = samples[i].instance & OCCLUDED_BIT != 0;
+        out.claim(frame.flags, Claim { place: (pixel, free), i, occluded }, |i, holder| {
+            precedes(frame, instances, samples, [i, holder])
+        });
+    }
+    out
+}
+
+fn unclaimed(frame: &Frame) -> Reprojected {
     let pixels = (frame.size[0] * frame.size[1]) as usize;
-    let mut claims = vec![UNCLAIMED; pixels * camera::subpixels(frame.flags)];
-    let mut masks = vec![0; pixels];
-    if frame.flags & FRAME_RESET != 0 {
-        return Reprojected { claims, masks };
-    }
-    for (i, sample) in samples.iter().enumerate() {
-        let Some((pixel, subpixel)) = landing(frame, instances, sample) else { continue };
-        let occluded = sample.instance & OCCLUDED_BIT != 0;
-        let claim = &mut claims[camera::claim_slot(pixel, subpixel, frame.flags)];
-        let holder_is_occluded = *claim & OCCLUDED_BIT != 0;
-        if *claim == UNCLAIMED {
+    Reprojected { claims: vec![UNCLAIMED; pixels * camera::subpixels(frame.flags)], masks: vec![0; pixels] }
+}
+
+/// What there is to reproject.
+fn listed(frame: &Frame, samples: &[Sample]) -> std::ops::Range<usize> {
+    if frame.flags & FRAME_RESET != 0 { 0..0 } else { 0..samples.len() }
+}
+
+/// Whether the first of two samples has the better claim.
+fn precedes(frame: &Frame, instances: &[Instance], samples: &[Sample], two: [usize; 2]) -> bool {
+    let [a, b] = two.map(|i| {
+        let sample = &samples[i];
+        let depth = match space(frame, sample) {
+            Some(Some(instance)) => {
+                let [x, y, z] = camera::transform_point(&instances[instance].to_relative, sample.position);
+                x * x + y * y + z * z
+            }
+            _ => f32::INFINITY,
+        };
+        (sample.instance & OCCLUDED_BIT, depth, sample.position.map(f32::to_bits), i)
+    });
+    a < b
+}
+
+/// A claim of sample `i`.
+struct Claim {
+    place: Subpixel,
+    i: usize,
+    occluded: bool,
+}
+
+impl Reprojected {
+    /// Gives a subpixel to a sample, unless another holds it and ours does not come before that one.
+    fn claim(&mut self, flags: u32, claim: Claim, before: impl Fn(usize, usize) -> bool) {
+        let Claim { place: (pixel, subpixel), i, occluded } = claim;
+        let claim = &mut self.claims[camera::claim_slot(pixel, subpixel, flags)];
+        if *claim == UNCLAIMED || before(i, (*claim & INSTANCE_MASK) as usize) {
             *claim = if occluded { OCCLUDED_BIT | i as u32 } else { i as u32 };
-        } else if holder_is_occluded && !occluded {
-            *claim = i as u32;
         }
-        masks[pixel] |= 1 << subpixel;
+        self.masks[pixel] |= 1 << subpixel;
         if !occluded {
-            masks[pixel] |= 1 << (subpixel + M * M);
+            self.masks[pixel] |= 1 << (subpixel + M * M);
         }
     }
-    Reprojected { claims, masks }
 }
 
 /// The subpixel that a sample projects to, in f32 and in the shader's order.

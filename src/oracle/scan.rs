@@ -4,16 +4,29 @@ use crate::shaders::{Counters, Frame};
 
 /// First sample of each tile before thinning, and the counters `samples`, `thin` and `trace_*` (the rest is 0).
 pub fn scan(frame: &Frame, tiles: &[u32]) -> (Vec<u32>, Counters) {
+    listed_behind(0, frame.capacity, tiles)
+}
+
+/// As [`scan`], for samples that are added behind `listed` ones; sets the counters `first` and `fill_*` too.
+pub fn scan_fill(frame: &Frame, listed: u32, tiles: &[u32]) -> (Vec<u32>, Counters) {
+    let (first, counters) = listed_behind(listed, frame.capacity, tiles);
+    let groups = (counters.samples - listed).div_ceil(64);
+    let fill = Counters { fill_x: groups.min(32768), fill_y: groups.div_ceil(32768), fill_z: 1, ..counters };
+    (first, fill)
+}
+
+fn listed_behind(listed: u32, capacity: u32, tiles: &[u32]) -> (Vec<u32>, Counters) {
     let mut total = 0;
     let mut first = Vec::with_capacity(tiles.len());
     for count in tiles {
         first.push(total);
         total += count;
     }
-    let thin = part_that_fits(frame.capacity, total);
-    let samples = thinned(total, thin);
+    let thin = part_that_fits(capacity - listed, total);
+    let samples = listed + thinned(total, thin);
     let groups = samples.div_ceil(64);
     let counters = Counters {
+        first: listed,
         samples,
         thin,
         trace_x: groups.min(32768),

@@ -3,13 +3,33 @@
 use super::{FrameResources, Kit, b};
 use crate::Result;
 use crate::gpu::Pass;
-use crate::shaders::analyze as shader;
+use crate::shaders::{Shader, analyze as shader, analyze_fill, analyze_keep};
 
 /// One thread a pixel.
 ///
 /// # Errors
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
 pub fn pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
+    dispatch("analyze", &shader::SHADER, kit, f)
+}
+
+/// The plan to keep everything, for a frame that decides after verification.
+///
+/// # Errors
+/// As for [`pass`].
+pub fn keep_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
+    dispatch("list", &analyze_keep::SHADER, kit, f)
+}
+
+/// The decision after verification: tiles count what is added.
+///
+/// # Errors
+/// As for [`pass`].
+pub fn fill_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
+    dispatch("analyze", &analyze_fill::SHADER, kit, f)
+}
+
+fn dispatch(label: &'static str, shader: &'static Shader, kit: &Kit, f: &FrameResources) -> Result<Pass> {
     let bindings = shader::Bindings {
         frame: b(f.frame),
         masks: b(f.masks),
@@ -17,5 +37,5 @@ pub fn pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
         tiles: b(f.tiles),
         counters: b(f.counters),
     };
-    kit.dispatch("analyze", &shader::SHADER, &bindings.list(), &[], f.pixels())
+    kit.dispatch(label, shader, &bindings.list(), &[], f.pixels())
 }

@@ -18,6 +18,7 @@ pub fn pass(kit: &Kit, f: &FrameResources, images: &AovResources, stable: bool) 
         motion: images.motion,
         density: images.density,
         age: images.age,
+        extras: b(f.extras),
     }
     .list();
     let shader = match (stable, f.ages) {

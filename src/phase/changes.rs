@@ -10,7 +10,9 @@ use crate::shaders::{changes as shader, changes_stable};
 /// # Errors
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
 pub fn pass(kit: &Kit, f: &FrameResources, images: &AovResources) -> Result<Pass> {
-    let mut list = shader::Bindings { frame: b(f.frame), offsets: b(f.offsets), changes: images.changes }.list();
+    let mut list =
+        shader::Bindings { frame: b(f.frame), offsets: b(f.offsets), changes: images.changes, extras: b(f.extras) }
+            .list();
     let mut shader = &shader::SHADER;
     if let Some(memory) = f.memory {
         list.extend([f.masks, f.plan, f.previous, f.samples, memory.sources, f.lit].map(b));

@@ -9,7 +9,8 @@
 //! | [`generate`] | 6 (supersampling) | pixel | | samples, offsets |
 //! | [`track`]: `nearest` (twice), `track` | paper 3, 2 | sample of the last frame; pixel | samples of the last frame, instances, aims | claims, aims, samples, offsets |
 //! | [`verify`] | 4.3 | sample | samples, geometry | found, samples |
-//! | [`retain`] | 4.3 | pixel | found | found, samples |
+//! | [`retain`], without a fill | 4.3 | pixel | found | found, samples |
+//! | [`fill`]: `survey`, `scan`, `append`, `verify` | | pixel; tile; pixel; sample | found, masks, plan | masks, samples, extras, found |
 //! | [`shadow`] | 4.3 | sample | found, geometry, lights | lit |
 //! | [`changes`] | | pixel | samples of both frames, lit, masks, plan | image |
 //! | [`shade`] | 4.3 | sample | found, lit, materials, lights | shaded |
@@ -21,6 +22,7 @@
 pub mod analyze;
 pub mod aov;
 pub mod changes;
+pub mod fill;
 pub mod generate;
 pub mod list;
 pub mod reconstruct;
@@ -118,6 +120,8 @@ pub struct FrameResources {
     pub tiles: Range,
     /// First sample of each pixel, and the end.
     pub offsets: Range,
+    /// The same of the samples that the fill adds; without one, whatever.
+    pub extras: Range,
     /// [`crate::shaders::Found`] each.
     pub found: Range,
     /// A word a sample: a bit a light that reaches it.

@@ -2,7 +2,7 @@
 
 use super::{FrameResources, Kit, SceneResources, b};
 use crate::Result;
-use crate::gpu::Pass;
+use crate::gpu::{Pass, Threads};
 use crate::shaders::{verify as shader, verify_alpha};
 
 /// One thread a sample of the list.
@@ -10,6 +10,17 @@ use crate::shaders::{verify as shader, verify_alpha};
 /// # Errors
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
 pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
+    traced("verify", kit, f, s, f.dense())
+}
+
+/// As [`pass`], for the samples that were listed last, a thread each.
+pub(super) fn traced(
+    label: &'static str,
+    kit: &Kit,
+    f: &FrameResources,
+    s: &SceneResources,
+    threads: Threads,
+) -> Result<Pass> {
     let mut list = shader::Bindings {
         frame: b(f.frame),
         instances: b(f.instances),
@@ -27,5 +38,5 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         list.extend(s.alpha_resources());
     }
     let shader = if s.alpha { &verify_alpha::SHADER } else { &shader::SHADER };
-    kit.dispatch("verify", shader, &list, &[], f.dense())
+    kit.dispatch(label, shader, &list, &[], threads)
 }

@@ -3,7 +3,7 @@
 //! A knob registers itself by being in [`KNOBS`]. Nothing else has to know of it: the range check, the settings file, the
 //! command line, the reports and the search for good trades go through the table.
 
-use super::{Edges, Filter, HistoryFilter, Method, Precision, Sampling, Settings, Temporal};
+use super::{Edges, Fill, Filter, HistoryFilter, Method, Precision, Sampling, Settings, Temporal, Weights};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -292,6 +292,44 @@ pub static KNOBS: &[Knob] = &[
         applies: any,
         rays: true,
         ladder: &[Count(0), Count(1), Count(2), Count(4), Count(32)],
+    },
+    Knob {
+        name: "filter.width",
+        about: "standard deviation of the reconstruction filter, a Gaussian over 3 x 3 pixels",
+        unit: "pixels",
+        trades: "more: less noise, aliasing and flicker, for blur",
+        domain: Domain::Number { min: 0.25, max: 1.0, at: |s| &mut s.filter_width },
+        applies: any,
+        rays: false,
+        ladder: &[Number(0.35), Number(0.5), Number(0.7)],
+    },
+    Knob {
+        name: "filter.weights",
+        about: "what a sample counts for in reconstruction: the same as every other, or the area nearest to it",
+        unit: "",
+        trades: "voronoi: less noise and flicker at few samples a pixel, for time and some blur",
+        domain: Domain::Choice {
+            names: || Weights::ALL.iter().map(|w| w.name()).collect(),
+            get: |s| Weights::ALL.iter().position(|w| *w == s.filter_weights).unwrap_or_default(),
+            set: |s, i| s.filter_weights = Weights::ALL.get(i).copied().unwrap_or(s.filter_weights),
+        },
+        applies: |method| !method.accumulates(),
+        rays: false,
+        ladder: &[Choice("equal"), Choice("voronoi")],
+    },
+    Knob {
+        name: "filter.fill",
+        about: "whether samples that a movement has covered are replaced in the same frame, beside edges",
+        unit: "",
+        trades: "edge: thin things keep their width in motion, for a second, small round of rays",
+        domain: Domain::Choice {
+            names: || Fill::ALL.iter().map(|f| f.name()).collect(),
+            get: |s| Fill::ALL.iter().position(|f| *f == s.filter_fill).unwrap_or_default(),
+            set: |s, i| s.filter_fill = Fill::ALL.get(i).copied().unwrap_or(s.filter_fill),
+        },
+        applies: analysed,
+        rays: true,
+        ladder: &[Choice("none"), Choice("edge")],
     },
     Knob {
         name: "float_output",

@@ -28,6 +28,12 @@ pub struct Settings {
     pub history: History,
     /// All but `taa`, `stable+ti` and `reference`: frames that are averaged, this one included, 1 to 3 (paper 3).
     pub box_frames: u32,
+    /// Standard deviation in pixels of the reconstruction filter, a Gaussian over 3 × 3 pixels, 0.25 to 1.
+    pub filter_width: f32,
+    /// `stable` and `supersample`: what a sample counts for in reconstruction.
+    pub filter_weights: Weights,
+    /// `stable`: what becomes of strata that a movement has left empty.
+    pub filter_fill: Fill,
     /// Seeds all random choices.
     pub seed: u32,
     /// `stable`: what decides about samples where surfaces move against each other.
@@ -59,6 +65,9 @@ impl Default for Settings {
             subpixels: 4,
             texture_filter: Filter::Linear,
             shadow_rays: 32,
+            filter_width: 0.5,
+            filter_weights: Weights::Voronoi,
+            filter_fill: Fill::Edge,
             seed: 0,
             float_output: false,
             aovs: Vec::new(),
@@ -90,6 +99,16 @@ impl Settings {
         let (old, new) = (Self::of(self.method), Self::of(method));
         self.method = method;
         knob::KNOBS.iter().for_each(|knob| knob.follow(self, &old, &new));
+    }
+
+    /// The weights that its method's frames are reconstructed with.
+    pub fn weights(&self) -> Weights {
+        if self.method.accumulates() { Weights::Equal } else { self.filter_weights }
+    }
+
+    /// Whether its method's frames have a fill.
+    pub fn fills(&self) -> bool {
+        self.method.keeps_samples() && self.filter_fill == Fill::Edge
     }
 
     /// Whether every value is in its range.
@@ -232,6 +251,52 @@ pub enum Filter {
 impl Filter {
     /// All of them with their names.
     pub const ALL: [(Self, &str); 2] = [(Self::Linear, "linear"), (Self::Nearest, "nearest")];
+}
+
+/// What a sample counts for in reconstruction, besides its distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Weights {
+    /// All the same (paper 1, section 4.4).
+    Equal,
+    /// The area that is nearer to it than to others, on the 4 × 4 subpixels of each pixel.
+    Voronoi,
+}
+
+impl Weights {
+    /// All of them.
+    pub const ALL: &[Self] = &[Self::Equal, Self::Voronoi];
+
+    /// As the command line and the settings file spell it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Equal => "equal",
+            Self::Voronoi => "voronoi",
+        }
+    }
+}
+
+/// What becomes of strata that a movement has left empty.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fill {
+    /// They are filled in the next frame: the analysis decides before visibility is known (paper 1, figure 2).
+    None,
+    /// Beside edges they are filled in the same frame: the analysis decides after verification.
+    Edge,
+}
+
+impl Fill {
+    /// All of them.
+    pub const ALL: &[Self] = &[Self::None, Self::Edge];
+
+    /// As the command line and the settings file spell it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Edge => "edge",
+        }
+    }
 }
 
 /// Where the samples of a frame come from.

@@ -6,6 +6,7 @@ pub mod host;
 pub mod kernel;
 pub mod masks;
 pub mod random;
+pub mod shaded;
 pub mod view;
 
 pub mod rig;

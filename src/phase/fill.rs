@@ -1,0 +1,68 @@
+//! The fill: after verification, what has been covered is replaced in the same frame.
+//!
+//! Paper 1 decides where samples are needed before it knows what the movement has covered, and mends it a frame later. In
+//! motion, that frame is every frame: beside an edge that moves, samples are missing (section 7, figure 10). Here the
+//! analysis runs once visibility is known, and the samples that it adds are listed and traced then.
+
+use super::{FrameResources, Kit, SceneResources, b, verify};
+use crate::Result;
+use crate::gpu::{Pass, Range, Threads};
+use crate::shaders::{append, append_age, append_age_source, append_source, scan_fill, survey};
+
+/// Masks of what is visible now, for the analysis that follows. One thread a pixel.
+///
+/// # Errors
+/// [`crate::Error::Vulkan`] if the pipeline cannot be made.
+pub fn survey_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
+    let bindings = survey::Bindings {
+        frame: b(f.frame),
+        offsets: b(f.offsets),
+        found: b(f.found),
+        masks: b(f.masks),
+        counters: b(f.counters),
+    };
+    kit.dispatch("analyze", &survey::SHADER, &bindings.list(), &[], f.pixels())
+}
+
+/// Lists what the analysis adds behind what was verified, forgets what it evicts, and traces what is new.
+///
+/// # Errors
+/// [`crate::Error::Vulkan`] if a pipeline cannot be made.
+pub fn passes(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
+    let [width, height] = f.size;
+    let push = scan_fill::Push { tile_count: width.div_ceil(8) * height.div_ceil(8) };
+    let bindings = scan_fill::Bindings { frame: b(f.frame), tiles: b(f.tiles), counters: b(f.counters) };
+    let one_group = Threads::Exactly(scan_fill::SHADER.local_size);
+    let sum = kit.dispatch("fill", &scan_fill::SHADER, &bindings.list(), bytemuck::bytes_of(&push), one_group)?;
+    Ok(vec![sum, append_pass(kit, f)?, verify::traced("fill", kit, f, s, added(f))?])
+}
+
+fn append_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
+    let mut list = append::Bindings {
+        frame: b(f.frame),
+        masks: b(f.masks),
+        plan: b(f.plan),
+        tiles: b(f.tiles),
+        counters: b(f.counters),
+        offsets: b(f.offsets),
+        extras: b(f.extras),
+        samples: b(f.samples),
+        found: b(f.found),
+    }
+    .list();
+    let shader = match (f.ages, f.memory) {
+        (None, None) => &append::SHADER,
+        (Some(_), None) => &append_age::SHADER,
+        (None, Some(_)) => &append_source::SHADER,
+        (Some(_), Some(_)) => &append_age_source::SHADER,
+    };
+    list.extend(f.ages.map(b));
+    list.extend(f.memory.map(|memory| b(memory.sources)));
+    kit.dispatch("fill", shader, &list, &[], f.pixels())
+}
+
+/// A thread a sample that was added.
+fn added(f: &FrameResources) -> Threads {
+    let offset = std::mem::offset_of!(crate::shaders::Counters, fill_x) as u64;
+    Threads::Indirect(Range { name: "fill arguments", offset: f.counters.offset + offset, size: 12, ..f.counters })
+}
