@@ -5,7 +5,9 @@ use crate::gpu::{Buffer, Context, ContextOptions, Image, Place, fit::Fit};
 use crate::progress::Progress;
 use crate::renderer::{Aov, FrameInputs, FrameStats, PhaseTime, Renderer, Settings, Ticket};
 use crate::resident::ResidentScene;
+use crate::samples::{self, SamplePoint};
 use crate::scene::Scene;
+use crate::shaders::{Frame, Instance, Sample};
 use crate::{Error, Result};
 use half::f16;
 use std::sync::Arc;
@@ -203,6 +205,25 @@ impl Session {
         let bytes = read(&self.context, &mut self.submitter, image, 4 * aov.channels() as u64)?;
         let data = bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
         Ok(self.pixels(aov.channels(), data))
+    }
+
+    /// Where the samples of the last frame lie, in the order of its list: pixel by pixel in tiles of 8 x 8 pixels, and what a
+    /// fill has added behind that. None before the first frame.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] for the read-back buffers.
+    pub fn samples(&self) -> Result<Vec<SamplePoint>> {
+        let Some(ticket) = self.ticket else { return Ok(Vec::new()) };
+        let Some(stats) = self.renderer.stats(ticket) else { return Ok(Vec::new()) };
+        let [frame, instances, samples] = self.renderer.sample_buffers(ticket);
+        let (frame, instances) = (frame.download(&self.context)?, instances.download(&self.context)?);
+        let bytes = samples.download(&self.context)?;
+        let listed = stats.rays as usize * size_of::<Sample>();
+        let samples: Vec<Sample> = bytemuck::pod_collect_to_vec(bytes.get(..listed).unwrap_or(&bytes));
+        let whole = instances.len() / size_of::<Instance>() * size_of::<Instance>();
+        let instances: Vec<Instance> = bytemuck::pod_collect_to_vec(&instances[..whole]);
+        let frame: Frame = bytemuck::pod_read_unaligned(&frame[..size_of::<Frame>()]);
+        Ok(samples::points(&frame, &instances, &samples))
     }
 
     /// What is allocated for what on this context, the scene included.

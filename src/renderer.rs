@@ -4,7 +4,7 @@
 //! device memory is allocated until [`Renderer::resize`].
 
 use crate::accel::{self, Tlas};
-use crate::gpu::{Context, Image, Recorder};
+use crate::gpu::{Buffer, Context, Image, Recorder};
 use crate::method::SLOTS;
 use crate::method::buffers::FrameBuffers;
 use crate::method::constants::{self, Moment};
@@ -261,6 +261,11 @@ impl Renderer {
         let wanted = self.settings.aovs.contains(&aov);
         let index = Aov::ALL.iter().position(|a| *a == aov)?;
         self.frames.buffers.aovs.get(index).filter(|_| wanted)
+    }
+
+    /// The constants, the instances and the list of samples of the last frame.
+    pub(crate) fn sample_buffers(&self, ticket: Ticket) -> [&Buffer; 3] {
+        self.frames.buffers.sample_buffers((ticket.0 % SLOTS as u64) as usize)
     }
 
     /// The colour image.

@@ -7,12 +7,15 @@ use std::path::PathBuf;
 
 use clap::{ArgAction, Args};
 use stillray::headless::{Device, LoadedScene};
-use stillray::report::reproduce::{FIGURE_5, REFERENCE, claims, details, figure_5, overview, points};
+use stillray::progress::Progress;
 use stillray::report::{file, json};
+use stillray::reproduce::contest::{Contestant, Score, contest};
+use stillray::reproduce::figures::{Figures, distributions, qualities, thickening};
+use stillray::reproduce::phases;
+use stillray::reproduce::tables::{FIGURE_5, REFERENCE, claims, details, figure_5, overview, points};
 use stillray::scene::fingerprint::fingerprint;
 use stillray::scene::motion::Motion;
 use stillray::scene::shot::Shot;
-use stillray::trade::contest::{Contestant, Score, contest};
 use stillray::trade::reference::shaders_digest;
 use stillray::trade::store::Search;
 use stillray::trade::studio::Studio;
@@ -75,7 +78,8 @@ impl Reproduce {
             scores.extend(self.scene(name, &device, &contestants, &self.motions)?);
         }
         let figure = self.scene("builtin:hairball", &device, &figure_5_contestants()?, &[Motion::Rotate])?;
-        let text = self.text(&device, &scores, &figure);
+        let pictures = self.figures(&device)?;
+        let text = self.text(&device, &scores, &figure, &pictures);
         interrupt::uninterrupted(|| -> Outcome {
             json::write(&self.out.join("reproduce.json"), &scores)?;
             Ok(file::write_text(&self.out.join("reproduce.md"), &text)?)
@@ -84,21 +88,56 @@ impl Reproduce {
     }
 
     fn scene(&self, name: &str, device: &Device, who: &[Contestant], motions: &[Motion]) -> Outcome<Vec<Score>> {
+        self.with_studio(name, device, |studio, listener| {
+            let search = self.search(name, studio.scene, studio.shot, device);
+            let references = self.out.join("reference");
+            let mut scores = Vec::new();
+            for &motion in motions {
+                let found = contest(studio, &search, &references, who, motion, listener, &interrupt::requested)?;
+                scores.extend(found.ok_or_else(stopped)?);
+            }
+            Ok(scores)
+        })
+    }
+
+    /// Loads a scene and does something in it.
+    fn with_studio<T>(
+        &self,
+        name: &str,
+        device: &Device,
+        work: impl FnOnce(&Studio<'_>, &dyn Progress) -> Outcome<T>,
+    ) -> Outcome<T> {
         let scene = scenes::load(name.as_ref(), 0)?;
         console::notes(&scene.notices);
         let listener = progress::for_user(self.quiet);
         let loaded = LoadedScene::new(device, &scene, &*listener)?;
         let shot = Shot::new(&scene, None, Motion::Static)?;
-        let studio = Studio { device, loaded: &loaded, scene: &scene, shot: &shot, fps: 60.0 };
-        let search = self.search(name, &scene, &shot, device);
-        let references = self.out.join("reference");
-        let mut scores = Vec::new();
-        for &motion in motions {
-            let found = contest(&studio, &search, &references, who, motion, &*listener, &interrupt::requested)?;
-            scores
-                .extend(found.ok_or_else(|| Failure::Interrupted("the references that are done are kept".to_owned()))?);
+        work(&Studio { device, loaded: &loaded, scene: &scene, shot: &shot, fps: 60.0 }, &*listener)
+    }
+
+    /// What is rendered to be looked at, as titles and Markdown; and paper 1's table 1.
+    fn figures(&self, device: &Device) -> Outcome<Vec<(String, String)>> {
+        let folder = self.out.join("figures");
+        fs::create_dir_all(&folder).map_err(|cause| Error::Io { path: folder.clone(), cause })?;
+        let mut all = Vec::new();
+        let table = self.with_studio("builtin:hairball", device, |studio, _| {
+            phases::measure(studio, self.size, &interrupt::requested)?.ok_or_else(stopped)
+        })?;
+        all.push(("Paper 1, Table 1: time of the phases on the hairball".to_owned(), phases::table(&table)));
+        let mut figure = |scene: &str, title: &str, draw: fn(&Figures<'_>) -> stillray::Result<Option<String>>| {
+            self.with_studio(scene, device, |studio, progress| {
+                let stop = &interrupt::requested;
+                let figures = Figures { studio: *studio, scene, size: self.size, folder: &folder, progress, stop };
+                all.push((format!("Paper 1, {title} ({scene})"), draw(&figures)?.ok_or_else(stopped)?));
+                Ok(())
+            })
+        };
+        figure("builtin:hairball", "Figure 6: sample distributions", distributions)?;
+        for scene in ["builtin:hairball", "builtin:text", "builtin:bump"] {
+            figure(scene, "Figure 8: supersampling and stable ray tracing", qualities)?;
         }
-        Ok(scores)
+        figure("builtin:strands", "Figure 10: edge thickening, before and after", thickening)?;
+        Ok(all)
     }
 
     fn search(&self, name: &str, scene: &Scene, shot: &Shot, device: &Device) -> Search {
@@ -122,7 +161,7 @@ impl Reproduce {
         }
     }
 
-    fn text(&self, device: &Device, scores: &[Score], figure: &[Score]) -> String {
+    fn text(&self, device: &Device, scores: &[Score], figure: &[Score], pictures: &[(String, String)]) -> String {
         let [w, h] = self.size;
         let mut text = format!(
             "# What the papers say, and what is measured\n\n{w}×{h}, {} frames a motion at 60 frames a second, reference {} samples \
@@ -139,9 +178,14 @@ impl Reproduce {
         section("What was aimed at, and what paper 1 claims", claims(scores));
         section("Paper 3, Table 1", points(scores));
         section("Paper 1, Figure 5: sharpness on the hairball (CPBD)", figure_5(figure));
+        pictures.iter().for_each(|(title, body)| section(title, body.clone()));
         section("Every scene and motion", details(scores));
         text
     }
+}
+
+fn stopped() -> Failure {
+    Failure::Interrupted("the references that are done are kept".to_owned())
 }
 
 fn contestant(contender: &Contender) -> Contestant {

@@ -91,6 +91,11 @@ impl FrameBuffers {
         Ok(buffers)
     }
 
+    /// The constants, the instances and the list of samples of a slot's last frame.
+    pub fn sample_buffers(&self, slot: usize) -> [&Buffer; 3] {
+        [&self.frame, &self.instances, &self.caches[slot % self.caches.len()]]
+    }
+
     /// What the frames of a slot bind: the caches swap roles from one to the other.
     pub fn resources(&self, slot: usize) -> FrameResources {
         let shared = |name, offset, size: u64| {

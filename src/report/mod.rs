@@ -5,12 +5,12 @@
 pub mod apng;
 pub mod bench;
 pub mod compare;
+pub mod distribution;
 pub mod file;
 pub mod folder;
 pub mod json;
 pub mod openexr;
 pub mod png;
-pub mod reproduce;
 pub mod statistics;
 pub mod table;
 pub mod tonemap;

@@ -11,11 +11,9 @@
 //! | [`search`] | all of it in order, to be stopped and gone on with, whole or in shards |
 //! | [`outcome`] | what the files say, and the front |
 //! | [`choose`] | settings under a limit |
-//! | [`contest`] | named methods side by side, over scenes and motions |
 
 pub mod candidate;
 pub mod choose;
-pub mod contest;
 pub mod evaluate;
 pub mod halving;
 pub mod outcome;

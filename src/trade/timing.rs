@@ -68,14 +68,14 @@ pub fn rounds(
     Ok(true)
 }
 
-/// Median milliseconds a frame of each candidate, in turns.
+/// Median milliseconds a frame of each candidate and of its phases, in turns.
 ///
 /// # Errors
 /// Those of rendering.
-pub fn take_turns(studio: &Studio<'_>, candidates: &[Candidate], motion: Motion) -> Result<Vec<f64>> {
+pub fn take_turns(studio: &Studio<'_>, candidates: &[Candidate], motion: Motion) -> Result<Vec<RoundEntry>> {
     let mut takes: Vec<Take<'_>> =
         candidates.iter().map(|c| studio.take(&c.settings, motion)).collect::<Result<_>>()?;
-    Ok(round(&mut takes, candidates, motion)?.into_iter().map(|entry| entry.ms).collect())
+    round(&mut takes, candidates, motion)
 }
 
 fn round(takes: &mut [Take<'_>], candidates: &[Candidate], motion: Motion) -> Result<Vec<RoundEntry>> {

@@ -1,15 +1,15 @@
 //! Methods side by side: the same scenes, motions and references, and what each costs and gives.
 
-use super::candidate::{Candidate, Origin};
-use super::evaluate::{self, Rung, WARM_UP};
-use super::reference::{Footage, footage};
-use super::store::{Run, Search};
-use super::studio::Studio;
-use super::timing::take_turns;
 use crate::Result;
 use crate::progress::Progress;
 use crate::scene::motion::Motion;
 use crate::settings::Settings;
+use crate::trade::candidate::{Candidate, Origin};
+use crate::trade::evaluate::{self, Rung, WARM_UP};
+use crate::trade::reference::{Footage, footage};
+use crate::trade::store::{Run, Search};
+use crate::trade::studio::Studio;
+use crate::trade::timing::take_turns;
 use serde::Serialize;
 use std::path::Path;
 
@@ -55,7 +55,7 @@ pub fn contest(
     let rung = Rung { index: 0, size: search.size, frames: search.frames, motions: vec![motion], full: true };
     let of = |c: &Contestant| Settings { size: search.size, seed: search.seed, ..c.settings.clone() };
     let candidates: Vec<Candidate> = contestants.iter().map(|c| Candidate::new(of(c), Origin::Default)).collect();
-    let times = take_turns(studio, &candidates, motion)?;
+    let times = take_turns(studio, &candidates, motion)?.into_iter().map(|entry| entry.ms);
     let mut results = Vec::new();
     for ((contestant, candidate), ms) in contestants.iter().zip(&candidates).zip(times) {
         if stop() {

@@ -1,7 +1,7 @@
 //! What the papers say beside what is measured here, in Markdown.
 
-use super::statistics::{mean, ratio};
-use crate::trade::contest::Score;
+use super::contest::Score;
+use crate::report::statistics::{mean, ratio};
 use crate::trade::store::Run;
 use std::collections::BTreeSet;
 use std::fmt::Write;
