@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic in a test's helper is a failing test")]
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -135,11 +136,34 @@ fn check_pick(folder: &Path) {
     let text = fs::read_to_string(folder.join("best.toml")).unwrap();
     assert!(text.contains("method = "), "{text}");
     run(folder, "render builtin:cornell --size 32x32 --settings best.toml --out frames --quiet");
+    check_promises(folder);
     refused(folder, "trade pick whole --max-error 0.000001", 2, "nearest is");
     refused(folder, "trade pick whole", 2, "--budget-ms");
     refused(folder, "trade pick nowhere --budget-ms 1", 1, "search.json");
     fs::write(folder.join("whole/search.json"), "{").unwrap();
     refused(folder, "trade pick whole --budget-ms 1", 1, "search.json");
+}
+
+/// What was picked is tried under a motion that the search has not seen; that it says how often limits were kept, and fails if
+/// that is too seldom. How often that is, is measured on a search of a real size: see the README.
+fn check_promises(folder: &Path) {
+    refused(folder, "trade check whole --motions pan", 2, "has not seen");
+    refused(folder, "trade check nowhere", 1, "search.json");
+    let output = command(folder, "trade check whole --motions orbit --limits 3 --json trials.json").output().unwrap();
+    let trials: Value = serde_json::from_slice(&fs::read(folder.join("trials.json")).unwrap()).unwrap();
+    let trials = trials.as_array().unwrap();
+    let number = |t: &Value, name: &str| t[name].as_f64().unwrap();
+    for axis in ["ms", "flicker", "flip"] {
+        assert_eq!(trials.iter().filter(|t| t["axis"] == axis).count(), 3, "{trials:?}");
+    }
+    for t in trials {
+        assert!(number(t, "value") > 0.0 && number(t, "limit") > 0.0 && t["motion"] == "orbit", "{t}");
+        assert_eq!(t["kept"] == true, number(t, "value") <= number(t, "limit"), "{t}");
+    }
+    let kept = trials.iter().filter(|t| t["kept"] == true).count();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains(&format!("all: {kept} of 9 limits kept")), "{text}");
+    assert_eq!(output.status.code(), Some(i32::from(10 * kept < 9 * 9)), "{text}");
 }
 
 #[test]
@@ -177,6 +201,11 @@ fn methods_are_measured_beside_the_papers() {
     assert!(!row("| taa:4 | 0.6610 |").contains('–'), "{text}");
     let scores: Value = serde_json::from_slice(&fs::read(dir.path().join("r/reproduce.json")).unwrap()).unwrap();
     assert_eq!(scores.as_array().unwrap().len(), 6);
+    // Every picture that is shown is there: figure 6 has four, figure 8 fourteen in each of three scenes, figure 10 three.
+    let shown: BTreeSet<&str> = text.split("](").skip(1).filter_map(|rest| rest.split(')').next()).collect();
+    assert_eq!(shown.len(), 4 + 3 * 14 + 3, "{shown:?}");
+    assert!(shown.iter().all(|file| dir.path().join("r").join(file).is_file()), "{shown:?}");
+    assert!(row("| 4 | here |").matches('|').count() == 8, "{text}");
     refused(dir.path(), "reproduce --methods magic:1", 2, "--methods");
     refused(dir.path(), "reproduce --scenes builtin:teapot", 2, "teapot");
 }

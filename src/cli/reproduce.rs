@@ -15,6 +15,7 @@ use stillray::reproduce::phases;
 use stillray::reproduce::tables::{FIGURE_5, REFERENCE, claims, details, figure_5, overview, points};
 use stillray::scene::fingerprint::fingerprint;
 use stillray::scene::motion::Motion;
+use stillray::scene::requirements::Traits;
 use stillray::scene::shot::Shot;
 use stillray::trade::reference::shaders_digest;
 use stillray::trade::store::Search;
@@ -158,6 +159,7 @@ impl Reproduce {
             candidates: 0,
             brackets: 1,
             held: BTreeMap::new(),
+            traits: Traits::of(scene),
         }
     }
 

@@ -4,16 +4,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::{ArgAction, Args, Subcommand};
+use stillray::Error;
 use stillray::headless::{Device, LoadedScene};
 use stillray::progress::Progress;
-use stillray::report::{file, trade as report};
+use stillray::report::{file, json, trade as report};
 use stillray::scene::fingerprint::fingerprint;
 use stillray::scene::motion::Motion;
+use stillray::scene::requirements::Traits;
 use stillray::scene::shot::Shot;
 use stillray::settings::{Settings, file as settings_file};
 use stillray::trade::candidate::Space;
 use stillray::trade::choose::{Choice, Limits, choose};
 use stillray::trade::outcome::{self, Outcome as Found};
+use stillray::trade::promise::{self, Trial};
 use stillray::trade::reference::shaders_digest;
 use stillray::trade::search::{Job, Shard};
 use stillray::trade::store::{Search, Store};
@@ -41,6 +44,8 @@ enum Action {
     Merge(Merge),
     /// Pick settings from a search that has ended
     Pick(Pick),
+    /// Check whether what is picked keeps its limits under motions that the search has not seen
+    Check(Check),
 }
 
 #[derive(Debug, Args)]
@@ -102,6 +107,25 @@ struct Pick {
     limits: Limited,
 }
 
+#[derive(Debug, Args)]
+struct Check {
+    /// Folder of the search
+    #[arg(value_name = "DIR", default_value = "trade")]
+    folder: PathBuf,
+    /// Camera motions that the search has not seen
+    #[arg(long, value_name = "NAMES", default_value = "pan,zoom,dolly", value_delimiter = ',', action = ArgAction::Set, value_parser = motion())]
+    motions: Vec<Motion>,
+    /// Limits of each kind under which settings are picked, from 1 to 1000
+    #[arg(long, value_name = "N", default_value = "8", value_parser = counted(1, 1000))]
+    limits: u32,
+    /// Write every trial to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// No progress and no summary
+    #[arg(long)]
+    quiet: bool,
+}
+
 /// Limits under which settings are picked.
 #[derive(Debug, Args)]
 struct Limited {
@@ -134,6 +158,7 @@ impl Trade {
         match self.action {
             Some(Action::Merge(merge)) => merge.run(),
             Some(Action::Pick(pick)) => pick.run(),
+            Some(Action::Check(check)) => check.run(),
             None => self.hunt.run(),
         }
     }
@@ -147,7 +172,7 @@ impl Hunt {
         console::notes(&scene.notices);
         let shot = Shot::new(&scene, self.source.camera.as_deref(), Motion::Static)?;
         let device = Device::open(self.source.device.as_deref())?;
-        let space = self.space()?;
+        let space = self.space(&scene)?;
         let search = self.search(&scene, &shot, &device, &space);
         let store = Store::open(&self.out, &search)?;
         let listener = progress::for_user(self.source.quiet);
@@ -198,11 +223,11 @@ impl Hunt {
         Ok(job.run(self.shard)?)
     }
 
-    fn space(&self) -> Outcome<Space> {
+    fn space(&self, scene: &stillray::Scene) -> Outcome<Space> {
         let mut base = Settings { size: self.source.size, seed: self.source.seed, ..Settings::default() };
         let held = settings_file::assign_all(&self.held, &mut base)?.into_iter().map(|k| k.name.to_owned()).collect();
         base.validate()?;
-        Ok(Space { base, held })
+        Ok(Space { base, held, scene: Traits::of(scene) })
     }
 
     fn search(&self, scene: &stillray::Scene, shot: &Shot, device: &Device, space: &Space) -> Search {
@@ -227,6 +252,7 @@ impl Hunt {
             candidates: self.candidates as usize,
             brackets: self.brackets as usize,
             held: space.held.iter().filter_map(value).collect::<BTreeMap<_, _>>(),
+            traits: space.scene,
         }
     }
 }
@@ -252,6 +278,57 @@ impl Pick {
         let found = outcome::collect(&store, &search, &outcome::space(&search)?)?;
         let text = self.limits.pick(&found)?;
         if self.quiet { Ok(()) } else { console::print(&text) }
+    }
+}
+
+impl Check {
+    fn run(self) -> Outcome {
+        interrupt::listen();
+        self.json.as_deref().map_or(Ok(()), file::check_target)?;
+        let (store, search) = Store::existing(&self.folder)?;
+        let found = outcome::collect(&store, &search, &outcome::space(&search)?)?;
+        let scene = scenes::load(search.scene.as_ref(), search.seed)?;
+        let device = Device::open(Some(&search.device))?;
+        self.same("scene", &search.fingerprint, &fingerprint(&scene))?;
+        self.same("driver", &search.driver, &device.report().driver)?;
+        self.same("shaders", &search.shaders, &shaders_digest())?;
+        let shot = Shot::new(&scene, Some(&search.camera), Motion::Static)?;
+        let listener = progress::for_user(self.quiet);
+        let loaded = LoadedScene::new(&device, &scene, &*listener)?;
+        let studio = Studio { device: &device, loaded: &loaded, scene: &scene, shot: &shot, fps: search.fps };
+        interrupt::begin_rendering();
+        let references = store.folder().join("reference");
+        let check = promise::Check {
+            studio,
+            search: &search,
+            outcome: &found,
+            references: &references,
+            progress: &*listener,
+            stop: &interrupt::requested,
+        };
+        let trials = check.run(self.limits as usize, &self.motions)?;
+        let trials =
+            trials.ok_or_else(|| Failure::Interrupted("converged frames that are done are kept".to_owned()))?;
+        if let Some(path) = &self.json {
+            interrupt::uninterrupted(|| json::write(path, &trials))?;
+        }
+        self.conclude(&trials)
+    }
+
+    /// The clock and the pictures of something else say nothing about the search.
+    fn same(&self, what: &str, then: &str, now: &str) -> Outcome {
+        let message = format!("was made with another {what} ({then} then, {now} now): search again");
+        if then == now { Ok(()) } else { Err(Error::Search { path: self.folder.clone(), message }.into()) }
+    }
+
+    fn conclude(&self, trials: &[Trial]) -> Outcome {
+        if !self.quiet {
+            console::print(&report::promises(trials))?;
+        }
+        let (kept, all) = (trials.iter().filter(|t| t.kept).count(), trials.len());
+        let few = 10 * kept < 9 * all;
+        let message = format!("{kept} of {all} limits were kept, fewer than nine in ten");
+        if few { Err(Failure::Failed(message)) } else { Ok(()) }
     }
 }
 

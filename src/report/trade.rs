@@ -11,6 +11,7 @@ use super::table::{Table, bytes, grouped};
 use super::{file, json};
 use crate::trade::candidate::Origin;
 use crate::trade::outcome::{Entry, Outcome};
+use crate::trade::promise::{self, Trial};
 use crate::trade::timing;
 use crate::{Error, Result};
 
@@ -174,4 +175,28 @@ pub fn differences(outcome: &Outcome) -> String {
         format!("{} -> {}: {time}, FLIP {flip:+.0} %, flicker error {flicker:+.0} %\n", a.label, b.label)
     };
     front.windows(2).map(line).collect()
+}
+
+/// Every trial of picked settings, and how many kept their limits.
+pub fn promises(trials: &[Trial]) -> String {
+    let mut table = Table::new(["limit", "picked", "motion", "measured", "kept"]).left();
+    let mut sorted: Vec<&Trial> = trials.iter().collect();
+    sorted.sort_by(|a, b| a.axis.cmp(b.axis).then(a.limit.total_cmp(&b.limit)));
+    for t in sorted {
+        let kept = if t.kept { "yes" } else { "no" };
+        table.row([
+            format!("{} {:.4}", t.axis, t.limit),
+            t.label.clone(),
+            t.motion.clone(),
+            format!("{:.4}", t.value),
+            kept.to_owned(),
+        ]);
+    }
+    let share = |kept: usize, all: usize| 100.0 * kept as f64 / all.max(1) as f64;
+    let line = |(axis, kept, all): (&str, usize, usize)| {
+        format!("{axis}: {kept} of {all} limits kept ({:.0} %)\n", share(kept, all))
+    };
+    let (kept, all) = (trials.iter().filter(|t| t.kept).count(), trials.len());
+    let lines: String = promise::kept(trials).into_iter().map(line).collect();
+    format!("{table}\n{lines}all: {kept} of {all} limits kept ({:.0} %)\n", share(kept, all))
 }

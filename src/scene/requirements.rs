@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use glam::{DAffine3, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{AlphaMode, Light, LightKind, Material, Scene, TextureRef, Wrap};
 
@@ -47,6 +47,29 @@ pub struct Contents {
     pub animations: usize,
     /// Seconds that the longest animation takes; 0 if nothing is animated.
     pub duration: f64,
+}
+
+/// What of a scene decides which settings make a difference.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Traits {
+    /// Punctual lights.
+    pub lights: u32,
+    /// Whether there are textures.
+    pub textures: bool,
+}
+
+impl Traits {
+    /// Those of a scene.
+    pub fn of(scene: &Scene) -> Self {
+        Self { lights: scene.lights.len() as u32, textures: !scene.textures.is_empty() }
+    }
+}
+
+impl Default for Traits {
+    /// Of a scene of which nothing is known: everything can make a difference.
+    fn default() -> Self {
+        Self { lights: u32::MAX, textures: true }
+    }
 }
 
 /// A feature with its cause.

@@ -4,6 +4,7 @@
 //! command line, the reports and the search for good trades go through the table.
 
 use super::{Edges, Fill, Filter, HistoryFilter, Method, Precision, Sampling, Settings, Temporal, Weights};
+use crate::scene::requirements::Traits;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -25,6 +26,8 @@ pub struct Knob {
     pub applies: fn(Method) -> bool,
     /// Whether it changes how many rays are traced: what it costs can then be counted.
     pub rays: bool,
+    /// Whether a value of the ladder means something else in such a scene than the default, and so is worth trying.
+    pub distinct: fn(&Traits, Value) -> bool,
     /// Values worth trying in a search, in order.
     pub ladder: &'static [Value],
 }
@@ -102,6 +105,20 @@ fn any(_: Method) -> bool {
     true
 }
 
+fn everywhere(_: &Traits, _: Value) -> bool {
+    true
+}
+
+/// What is read by a filter has textures.
+fn textured(scene: &Traits, value: Value) -> bool {
+    scene.textures || value == Choice(Filter::ALL[0].1)
+}
+
+/// As many shadow rays as there are lights, and more, are the same; and so are none where there is no light.
+fn unlike_all_lights(scene: &Traits, value: Value) -> bool {
+    matches!(value, Count(rays) if rays >= MOST_LIGHTS || rays < scene.lights)
+}
+
 fn analysed(method: Method) -> bool {
     method.keeps_samples()
 }
@@ -120,6 +137,9 @@ fn averaged(method: Method) -> bool {
 
 use Value::{Choice, Count, Number, Switch};
 
+/// Lights of a scene at most.
+const MOST_LIGHTS: u32 = 32;
+
 /// All knobs, in the order of the settings file.
 pub static KNOBS: &[Knob] = &[
     Knob {
@@ -136,6 +156,7 @@ pub static KNOBS: &[Knob] = &[
         },
         applies: any,
         rays: true,
+        distinct: everywhere,
         ladder: &[
             Choice("stable"),
             Choice("stable+ti"),
@@ -152,6 +173,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::Number { min: 0.0625, max: 16.0, at: |s| &mut s.density },
         applies: analysed,
         rays: true,
+        distinct: everywhere,
         ladder: &[Number(0.25), Number(0.5), Number(1.0), Number(1.5), Number(2.0), Number(3.0), Number(4.0)],
     },
     Knob {
@@ -163,6 +185,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::Number { min: 0.0625, max: 16.0, at: |s| &mut s.tolerance },
         applies: analysed,
         rays: true,
+        distinct: everywhere,
         ladder: &[Number(0.25), Number(0.5), Number(1.0), Number(2.0)],
     },
     Knob {
@@ -173,6 +196,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::Count { min: 1, max: 16, at: |s| &mut s.spp },
         applies: fresh,
         rays: true,
+        distinct: everywhere,
         ladder: &[Count(1), Count(2), Count(3), Count(4), Count(6), Count(8)],
     },
     Knob {
@@ -183,6 +207,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::Switch { at: |s| &mut s.jitter },
         applies: |method| method == Method::Supersample,
         rays: false,
+        distinct: everywhere,
         ladder: &[Switch(false), Switch(true)],
     },
     Knob {
@@ -193,6 +218,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::Number { min: 0.01, max: 1.0, at: |s| &mut s.history.alpha },
         applies: integrated,
         rays: false,
+        distinct: everywhere,
         ladder: &[Number(0.05), Number(0.1), Number(0.15), Number(0.25), Number(0.4)],
     },
     Knob {
@@ -203,6 +229,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::Number { min: 0.0, max: 16.0, at: |s| &mut s.history.clamp },
         applies: integrated,
         rays: false,
+        distinct: everywhere,
         ladder: &[Number(0.75), Number(1.0), Number(1.5), Number(2.0), Number(16.0)],
     },
     Knob {
@@ -217,6 +244,7 @@ pub static KNOBS: &[Knob] = &[
         },
         applies: integrated,
         rays: false,
+        distinct: everywhere,
         ladder: &[Choice("bilinear"), Choice("catmull-rom")],
     },
     Knob {
@@ -231,6 +259,7 @@ pub static KNOBS: &[Knob] = &[
         },
         applies: integrated,
         rays: false,
+        distinct: everywhere,
         ladder: &[Choice("half"), Choice("float")],
     },
     Knob {
@@ -241,6 +270,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::Count { min: 1, max: 3, at: |s| &mut s.box_frames },
         applies: averaged,
         rays: false,
+        distinct: everywhere,
         ladder: &[Count(1), Count(2), Count(3)],
     },
     Knob {
@@ -251,6 +281,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::OneOf { of: &[2, 4], at: |s| &mut s.subpixels },
         applies: analysed,
         rays: true,
+        distinct: everywhere,
         ladder: &[Count(2), Count(4)],
     },
     Knob {
@@ -266,6 +297,7 @@ pub static KNOBS: &[Knob] = &[
         },
         applies: analysed,
         rays: true,
+        distinct: everywhere,
         ladder: &[Choice("balanced"), Choice("paper")],
     },
     Knob {
@@ -280,6 +312,7 @@ pub static KNOBS: &[Knob] = &[
         },
         applies: any,
         rays: false,
+        distinct: textured,
         ladder: &[Choice("linear"), Choice("nearest")],
     },
     Knob {
@@ -288,10 +321,11 @@ pub static KNOBS: &[Knob] = &[
         unit: "rays/sample",
         trades: "fewer than there are lights: less time for noise, which sticks to the samples that live on; 0: no shadows at \
                  all",
-        domain: Domain::Count { min: 0, max: 32, at: |s| &mut s.shadow_rays },
+        domain: Domain::Count { min: 0, max: MOST_LIGHTS, at: |s| &mut s.shadow_rays },
         applies: any,
         rays: true,
-        ladder: &[Count(0), Count(1), Count(2), Count(4), Count(32)],
+        distinct: unlike_all_lights,
+        ladder: &[Count(0), Count(1), Count(2), Count(4), Count(MOST_LIGHTS)],
     },
     Knob {
         name: "filter.width",
@@ -301,6 +335,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::Number { min: 0.25, max: 1.0, at: |s| &mut s.filter_width },
         applies: any,
         rays: false,
+        distinct: everywhere,
         ladder: &[Number(0.35), Number(0.5), Number(0.7)],
     },
     Knob {
@@ -315,6 +350,7 @@ pub static KNOBS: &[Knob] = &[
         },
         applies: |method| !method.accumulates(),
         rays: false,
+        distinct: everywhere,
         ladder: &[Choice("equal"), Choice("voronoi")],
     },
     Knob {
@@ -329,6 +365,7 @@ pub static KNOBS: &[Knob] = &[
         },
         applies: analysed,
         rays: true,
+        distinct: everywhere,
         ladder: &[Choice("none"), Choice("edge")],
     },
     Knob {
@@ -339,6 +376,7 @@ pub static KNOBS: &[Knob] = &[
         domain: Domain::Switch { at: |s| &mut s.float_output },
         applies: any,
         rays: false,
+        distinct: everywhere,
         ladder: &[Switch(false), Switch(true)],
     },
 ];

@@ -2,6 +2,7 @@
 
 use super::random::Random;
 use crate::scene::fingerprint::hex;
+use crate::scene::requirements::Traits;
 use crate::settings::knob::{KNOBS, Knob, Value, used};
 use crate::settings::{Method, Settings};
 use serde::{Deserialize, Serialize};
@@ -38,6 +39,8 @@ pub struct Space {
     pub base: Settings,
     /// Names of the knobs that are held at the base's values.
     pub held: BTreeSet<String>,
+    /// What the scene is like: values that make no difference in it are not tried.
+    pub scene: Traits,
 }
 
 impl Candidate {
@@ -102,11 +105,16 @@ impl Space {
         KNOBS.iter().filter(free)
     }
 
+    /// The values of a knob that make a difference.
+    fn values(&self, knob: &'static Knob) -> Vec<Value> {
+        knob.ladder.iter().copied().filter(|value| (knob.distinct)(&self.scene, *value)).collect()
+    }
+
     /// In turns over the methods, so that a short list is fair to all of them.
     fn singles(&self) -> Vec<Settings> {
         let of = |method: Method| -> Vec<Settings> {
-            let turned = |(knob, value): (&Knob, &Value)| with(&self.default_of(method), knob, *value);
-            self.free(method).flat_map(|k| k.ladder.iter().map(move |v| (k, v))).filter_map(turned).collect()
+            let turned = |(knob, value): (&Knob, Value)| with(&self.default_of(method), knob, value);
+            self.free(method).flat_map(|k| self.values(k).into_iter().map(move |v| (k, v))).filter_map(turned).collect()
         };
         let lists: Vec<Vec<Settings>> = self.methods().into_iter().map(of).collect();
         let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
@@ -121,7 +129,8 @@ impl Space {
         for knob in self.free(settings.method) {
             let samples = matches!(knob.name, "density" | "spp");
             if samples || random.below(2) == 0 {
-                let value = knob.ladder[random.below(knob.ladder.len())];
+                let values = self.values(knob);
+                let value = values[random.below(values.len())];
                 settings = with(&settings, knob, value).unwrap_or(settings);
             }
         }
@@ -165,7 +174,8 @@ mod tests {
     use super::*;
 
     fn space(held: &[&str]) -> Space {
-        Space { base: Settings::default(), held: held.iter().map(|s| (*s).to_owned()).collect() }
+        let held = held.iter().map(|s| (*s).to_owned()).collect();
+        Space { base: Settings::default(), held, scene: Traits::default() }
     }
 
     #[test]
@@ -192,6 +202,24 @@ mod tests {
             for value in knob.ladder {
                 assert!(found.iter().any(|c| knob.get(&c.settings) == *value), "{} {value}", knob.name);
             }
+        }
+    }
+
+    #[test]
+    fn what_makes_no_difference_in_the_scene_is_not_tried() {
+        let plain = Space { scene: Traits { lights: 1, textures: false }, ..space(&[]) };
+        let values = |space: &Space, name: &str| {
+            let found = space.candidates(400, 1);
+            let words = found.iter().map(|c| Knob::find(name).unwrap().get(&c.settings).to_string());
+            words.collect::<BTreeSet<_>>().len()
+        };
+        assert_eq!([values(&plain, "texture.filter"), values(&plain, "shadow.rays")], [1, 2]);
+        assert_eq!([values(&space(&[]), "texture.filter"), values(&space(&[]), "shadow.rays")], [2, 5]);
+        assert_eq!(values(&Space { scene: Traits { lights: 3, textures: true }, ..space(&[]) }, "shadow.rays"), 4);
+        // The defaults are always there.
+        for knob in KNOBS {
+            let default = knob.default_of(Method::Stable);
+            assert!(!knob.ladder.contains(&default) || (knob.distinct)(&plain.scene, default), "{}", knob.name);
         }
     }
 

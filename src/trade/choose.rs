@@ -52,8 +52,8 @@ pub fn choose(outcome: &Outcome, limits: &Limits) -> Result<Choice> {
     if limited.is_empty() {
         return Err(refusal("none", "--budget-ms, --max-flicker or --max-error"));
     }
-    let margins = AXES.map(|axis| margin(&outcome.entries, axis));
-    let expected = |entry: &Entry| [0, 1, 2].map(|i| worst(entry, AXES[i], margins[i]));
+    let margins = margins(outcome);
+    let expected = |entry: &Entry| expected(entry, margins);
     // How far beyond its limits: at most 1 if it keeps them.
     let excess = |entry: &Entry| {
         let expected = expected(entry);
@@ -66,6 +66,21 @@ pub fn choose(outcome: &Outcome, limits: &Limits) -> Result<Choice> {
         Some(entry) => Ok(Choice { candidate: entry.candidate.clone(), expected: expected(entry), margins }),
         None => Err(nothing(measured.into_iter().min_by(|a, b| excess(a).total_cmp(&excess(b))), &expected)),
     }
+}
+
+/// What every entry of a search is expected to keep under a motion that has not been seen: milliseconds, flicker error and
+/// FLIP, with the margins of [`choose`]. Those without a measured time are left out.
+pub fn promised(outcome: &Outcome) -> Vec<(&Entry, [f64; 3])> {
+    let margins = margins(outcome);
+    outcome.entries.iter().filter(|e| e.timing.ms > 0.0).map(|e| (e, expected(e, margins))).collect()
+}
+
+fn margins(outcome: &Outcome) -> [f64; 3] {
+    AXES.map(|axis| margin(&outcome.entries, axis))
+}
+
+fn expected(entry: &Entry, margins: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| worst(entry, AXES[i], margins[i]))
 }
 
 fn limit(limits: &Limits, axis: Axis) -> Option<f64> {

@@ -11,6 +11,7 @@
 //! | [`search`] | all of it in order, to be stopped and gone on with, whole or in shards |
 //! | [`outcome`] | what the files say, and the front |
 //! | [`choose`] | settings under a limit |
+//! | [`promise`] | whether they keep it under motions that the search has not seen |
 
 pub mod candidate;
 pub mod choose;
@@ -19,6 +20,7 @@ pub mod halving;
 pub mod outcome;
 pub mod pareto;
 pub mod pictures;
+pub mod promise;
 mod random;
 pub mod reference;
 pub mod search;

@@ -207,7 +207,7 @@ pub fn space(search: &Search) -> Result<Space> {
     let mut base = Settings { size: search.size, seed: search.seed, ..Settings::default() };
     let words: Vec<String> = search.held.iter().map(|(name, value)| format!("{name}={value}")).collect();
     crate::settings::file::assign_all(&words, &mut base)?;
-    Ok(Space { base, held: search.held.keys().cloned().collect() })
+    Ok(Space { base, held: search.held.keys().cloned().collect(), scene: search.traits })
 }
 
 #[cfg(test)]

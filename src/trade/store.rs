@@ -14,6 +14,7 @@
 use super::pareto::Estimate;
 use crate::renderer::PhaseTime;
 use crate::report::{file, json};
+use crate::scene::requirements::Traits;
 use crate::{Error, Result};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -56,6 +57,8 @@ pub struct Search {
     pub brackets: usize,
     /// Knobs that are held, with their values in words.
     pub held: BTreeMap<String, String>,
+    /// What the scene is like, as far as it decides which settings make a difference.
+    pub traits: Traits,
 }
 
 /// How good a candidate's frames are, under one motion.
@@ -362,6 +365,7 @@ pub(crate) mod tests {
             candidates: 12,
             brackets: 3,
             held: BTreeMap::new(),
+            traits: Traits::default(),
         }
     }
 
