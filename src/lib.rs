@@ -135,6 +135,7 @@ pub mod renderer;
 pub mod report;
 pub mod reproduce;
 pub mod resident;
+pub mod sampler;
 pub mod samples;
 pub mod scene;
 pub mod settings;

@@ -42,6 +42,8 @@ fn help_and_version_are_no_errors() {
         &["compare", "--help"],
         &["info", "--help"],
         &["settings", "-h"],
+        &["samplers", "--help"],
+        &["trade", "check", "--help"],
     ] {
         let output = stillray(arguments);
         assert!(output.status.success() && output.stderr.is_empty(), "{arguments:?}");
@@ -148,6 +150,23 @@ fn a_settings_file_is_printed_read_and_refused_with_its_name() {
         check_refusal(&stillray_in(dir.path(), &["render", "--settings", "c.toml"]), 2, word).unwrap();
     }
     check_refusal(&stillray_in(dir.path(), &["render", "--settings", "d.toml"]), 1, "d.toml").unwrap();
+}
+
+#[test]
+fn samplers_are_measured_in_a_table_and_as_data() {
+    let dir = tempfile::tempdir().unwrap();
+    let words = "samplers --trials 20 --samples 1,16 --dimensions 3 --json s.json";
+    let output = stillray_in(dir.path(), &words.split(' ').collect::<Vec<_>>());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    // Six strategies with two tilings each and two without, for two shapes.
+    let table = text(&output.stdout);
+    assert_eq!(table.lines().filter(|l| l.matches(" ± ").count() == 2).count(), 2 * (6 * 2 + 2), "{table}");
+    let rows: serde_json::Value = serde_json::from_slice(&fs::read(dir.path().join("s.json")).unwrap()).unwrap();
+    let rows = rows.as_array().unwrap();
+    assert_eq!(rows.len(), 2 * 2 * (6 * 2 + 2));
+    assert!(rows.iter().all(|r| r["rmse"].as_f64().unwrap() > 0.0 && r["dimensions"] == 3));
+    check_refusal(&stillray(&["samplers", "--dimensions", "17"]), 2, "--dimensions").unwrap();
+    check_refusal(&stillray(&["samplers", "--json", "/nowhere at all/s.json"]), 1, "/nowhere at all").unwrap();
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod interrupt;
 mod progress;
 mod render;
 mod reproduce;
+mod samplers;
 mod scenes;
 mod settings;
 mod trade;
@@ -36,6 +37,7 @@ enum Command {
     Settings(settings::Settings),
     Trade(trade::Trade),
     Reproduce(reproduce::Reproduce),
+    Samplers(samplers::Samplers),
 }
 
 /// Why the program ends without having done what was asked.
@@ -85,6 +87,7 @@ fn dispatch(command: Option<Command>) -> Outcome {
         Some(Command::Settings(settings)) => settings.run(),
         Some(Command::Trade(trade)) => trade.run(),
         Some(Command::Reproduce(reproduce)) => reproduce.run(),
+        Some(Command::Samplers(samplers)) => samplers.run(),
         None => Ok(()),
     }
 }
@@ -98,7 +101,8 @@ fn parse(arguments: impl Iterator<Item = OsString>) -> Outcome<Option<Command>> 
             Ok(None)
         }
         Err(e) if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => Err(Failure::Usage(
-            "no command given: render, bench, compare, trade, reproduce, info or settings (see --help)".to_owned(),
+            "no command given: render, bench, compare, trade, reproduce, samplers, info or settings (see --help)"
+                .to_owned(),
         )),
         Err(e) => Err(Failure::Usage(first_paragraph(&e.to_string()))),
     }
