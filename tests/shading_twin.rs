@@ -33,43 +33,20 @@ const U: f64 = 1.0 / (1 << 24) as f64;
 
 // --- Asking the device ---
 
-/// Compiles the probe with the build script's settings and one question defined.
+/// The probe with one question defined.
 fn probe(question: &str, textured: bool) -> &'static Shader {
-    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    let source = std::fs::read_to_string(root.join("tests/shaders/shading.comp")).expect("the probe is there");
-    let mut options = shaderc::CompileOptions::new().expect("shaderc starts");
-    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
-    options.set_optimization_level(shaderc::OptimizationLevel::Performance);
-    options.set_warnings_as_errors();
-    options.add_macro_definition(question, Some("1"));
-    if textured {
-        options.add_macro_definition("TEXTURED", Some("1"));
-    }
-    options.set_include_callback(move |name, _, _, _| {
-        let path = root.join("glsl/include").join(name);
-        let content = std::fs::read_to_string(&path).map_err(|e| e.to_string())?;
-        Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
-    });
-    let compiler = shaderc::Compiler::new().expect("shaderc starts");
-    let kind = shaderc::ShaderKind::Compute;
-    let module = compiler.compile_into_spirv(&source, kind, "shading.comp", "main", Some(&options));
-    let spirv = module.unwrap_or_else(|e| panic!("{e}")).as_binary().to_vec();
     let binding = |name, index, kind, access| Binding { name, index, kind, access };
     let mut bindings = vec![
         binding("questions", 0, Kind::StorageBuffer, Access::Read),
         binding("answers", 1, Kind::StorageBuffer, Access::Write),
     ];
+    let mut macros = vec![question];
     if textured {
+        macros.push("TEXTURED");
         bindings.push(binding("atlas", 2, Kind::SampledImage, Access::Read));
         bindings.push(binding("srgb", 3, Kind::StorageBuffer, Access::Read));
     }
-    Box::leak(Box::new(Shader {
-        name: "shading probe",
-        spirv: spirv.leak(),
-        local_size: [64, 1, 1],
-        push_size: 0,
-        bindings: bindings.leak(),
-    }))
+    support::probe::compile("shading.comp", &macros, bindings)
 }
 
 fn ask<Q: Pod, A: Pod>(question: &str, questions: &[Q], atlas: Option<&Atlas>) -> Vec<A> {

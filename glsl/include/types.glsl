@@ -203,4 +203,16 @@ const uint FRAME_NEAREST = 8u;  // textures are not filtered
 const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
 const uint FRAME_FILL = 32u;  // pixels have a second run of samples, which a fill has added behind the list
 
+// Layout of a sampler's table, in words (see sampler.glsl).
+const uint SAMPLER_KIND = 0u;         // SAMPLER_PATTERNS, SAMPLER_SEQUENCE or SAMPLER_RANDOM
+const uint SAMPLER_DIGITS = 1u;       // bits of a coordinate that a pattern decides
+const uint SAMPLER_LOG_COUNT = 2u;    // log2 of the samples a pixel, rounded up
+const uint SAMPLER_SEED = 3u;
+const uint SAMPLER_TILE = 4u;         // 16 x 16 pixels' patterns, four a word
+const uint SAMPLER_DIRECTIONS = 68u;  // 16 dimensions x 32 direction numbers
+const uint SAMPLER_POINTS = 580u;     // 8 pairs x 16 patterns x 16 samples x 2 coordinates
+const uint SAMPLER_PATTERNS = 0u;
+const uint SAMPLER_SEQUENCE = 1u;
+const uint SAMPLER_RANDOM = 2u;
+
 #endif

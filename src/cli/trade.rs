@@ -56,7 +56,7 @@ struct Hunt {
     #[arg(long, value_name = "NAMES", default_value = "rotate,orbit", value_delimiter = ',', action = ArgAction::Set, value_parser = motion())]
     motions: Vec<Motion>,
     /// Frames measured of each motion, from 4 to 10000
-    #[arg(long, value_name = "N", default_value = "16", value_parser = counted(4, 10_000))]
+    #[arg(long, value_name = "N", default_value = "12", value_parser = counted(4, 10_000))]
     frames: u32,
     /// Settings to try, from 1 to 100000
     #[arg(long, value_name = "N", default_value = "216", value_parser = counted(1, 100_000))]

@@ -19,6 +19,7 @@ pub mod sudoku;
 pub mod trial;
 
 use crate::oracle::random::{hash_combine, hash_uint};
+use crate::shaders;
 use crate::{Error, Result};
 use std::str::FromStr;
 
@@ -184,6 +185,28 @@ impl Sampler {
     /// The same in [0, 1).
     pub fn unit(&self, pixel: [u32; 2], index: u32, dimension: u32) -> f32 {
         crate::oracle::random::unit_float(self.coordinate(pixel, index, dimension))
+    }
+
+    /// What a shader needs to say the same (`glsl/include/sampler.glsl`), in words.
+    pub fn table(&self) -> Vec<u32> {
+        let kind = match self.strategy {
+            Strategy::Sobol => shaders::SAMPLER_SEQUENCE,
+            Strategy::Random => shaders::SAMPLER_RANDOM,
+            _ => shaders::SAMPLER_PATTERNS,
+        };
+        let mut table = vec![0; shaders::SAMPLER_POINTS as usize];
+        table[shaders::SAMPLER_KIND as usize] = kind;
+        table[shaders::SAMPLER_DIGITS as usize] = self.strategy.digits();
+        table[shaders::SAMPLER_LOG_COUNT as usize] = self.log_count;
+        table[shaders::SAMPLER_SEED as usize] = self.seed;
+        for i in 0..256 {
+            let pattern = self.tiling.pattern([i % 16, i / 16]) as u32;
+            table[(shaders::SAMPLER_TILE + i / 4) as usize] |= pattern << (8 * (i % 4));
+        }
+        let directions = sobol::DIRECTIONS.iter().flatten();
+        table[shaders::SAMPLER_DIRECTIONS as usize..].iter_mut().zip(directions).for_each(|(word, d)| *word = *d);
+        table.extend(self.pairs.iter().flatten().flatten().flatten());
+        table
     }
 
     /// After sixteen samples a pixel goes on with the next pattern; after all 256 with another copy of them.

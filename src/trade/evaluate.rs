@@ -30,7 +30,7 @@ pub struct Rung {
     pub frames: u32,
     /// The motions.
     pub motions: Vec<Motion>,
-    /// Whether sharpness is measured, and pictures are kept.
+    /// Whether pictures are kept.
     pub full: bool,
 }
 
@@ -75,7 +75,7 @@ pub fn run(
     for _ in 0..WARM_UP {
         take.frame()?;
     }
-    let mut sequence = Sequence::new(Options { metrics: metrics(rung), ..Options::default() })?;
+    let mut sequence = Sequence::new(Options { metrics: METRICS.to_vec(), ..Options::default() })?;
     let mut seen = Pictures::default();
     let (mut stats, mut times): (Vec<FrameStats>, Vec<f64>) = (Vec::new(), Vec::new());
     for still in reference.iter().take(rung.frames as usize) {
@@ -116,10 +116,14 @@ pub fn run(
 pub fn verdict(settings: &Settings, runs: &[Run]) -> Verdict {
     let mean_of = |of: fn(&Run) -> Estimate| average(&runs.iter().map(of).collect::<Vec<_>>());
     let uncounted = KNOBS.iter().filter(|k| !k.rays && (k.applies)(settings.method));
+    // Frames may be too small for it, then those of all candidates of the rung.
+    let blurred: Vec<f64> = runs.iter().filter_map(|r| r.quality.sharpness_error()).collect();
+    let sharpness = (!blurred.is_empty()).then(|| Estimate::exact(mean(blurred.iter().copied())));
+    let errors = [mean_of(|r| r.quality.flip), mean_of(|r| r.quality.flicker_error)];
     Verdict {
         // Rays are counted, and the same every time.
         cost: Estimate::exact(mean(runs.iter().map(|r| r.rays + r.shadow_rays))),
-        objectives: vec![mean_of(|r| r.quality.flip), mean_of(|r| r.quality.flicker_error)],
+        objectives: errors.into_iter().chain(sharpness).collect(),
         uncounted: uncounted.map(|k| format!("{}={} ", k.name, k.get(settings))).collect(),
     }
 }
@@ -131,11 +135,8 @@ pub fn average(estimates: &[Estimate]) -> Estimate {
     Estimate { mean: estimates.iter().map(|e| e.mean).sum::<f64>() / n, half_width: squares.sqrt() / n }
 }
 
-fn metrics(rung: &Rung) -> Vec<Metric> {
-    let mut metrics = vec![Metric::Rmse, Metric::RelativeMse, Metric::Energy, Metric::Flip, Metric::Flicker];
-    metrics.extend(rung.full.then_some(Metric::Cpbd));
-    metrics
-}
+const METRICS: [Metric; 6] =
+    [Metric::Rmse, Metric::RelativeMse, Metric::Energy, Metric::Flip, Metric::Flicker, Metric::Cpbd];
 
 fn quality(report: &Report) -> Quality {
     let rows = &report.per_frame;

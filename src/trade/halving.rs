@@ -43,7 +43,7 @@ pub enum GivenUp {
 }
 
 /// The part of the candidates that goes on to the next rung.
-pub const KEPT: f64 = 1.0 / 3.0;
+pub const KEPT: f64 = 1.0 / 4.0;
 
 /// How much more a knob may cost that the rays do not tell: a phase that is not tracing takes less than a tenth of a frame
 /// (`stillray bench`), so candidates that differ in such knobs are told apart by cost only beyond that.
@@ -54,19 +54,19 @@ pub fn bracket(candidates: &[Candidate], index: usize, brackets: usize) -> Vec<C
     candidates.iter().skip(index).step_by(brackets.max(1)).cloned().collect()
 }
 
-/// Runs a bracket over `rungs` rungs. `judge` tries a candidate on a rung, from 0.
+/// Runs a bracket over `rungs` rungs. `judge` tries a candidate on a rung, from 0, on which there are so many.
 ///
 /// # Errors
 /// Those of `judge`.
 pub fn run(
     candidates: &[Candidate],
     rungs: usize,
-    mut judge: impl FnMut(&Candidate, usize) -> Result<Verdict>,
+    mut judge: impl FnMut(&Candidate, usize, usize) -> Result<Verdict>,
 ) -> Result<Vec<Fate>> {
     let mut fates = Vec::new();
     let mut left: Vec<&Candidate> = candidates.iter().collect();
     for rung in 0..rungs {
-        let verdicts = left.iter().map(|c| judge(c, rung)).collect::<Result<Vec<_>>>()?;
+        let verdicts = left.iter().map(|c| judge(c, rung, left.len())).collect::<Result<Vec<_>>>()?;
         if rung + 1 == rungs {
             break;
         }
@@ -139,17 +139,17 @@ mod tests {
 
     #[test]
     fn the_front_survives_and_what_is_surely_worse_goes_first() {
-        let mut all = candidates(12);
-        for candidate in &mut all[1..7] {
+        let mut all = candidates(24);
+        for candidate in &mut all[1..13] {
             candidate.settings.tolerance = 40.0;
         }
-        let fates = run(&all, 3, |c, _| Ok(verdict(c, 0.01))).unwrap();
+        let fates = run(&all, 3, |c, _, _| Ok(verdict(c, 0.01))).unwrap();
         assert_eq!(fates.len(), all.len());
         let fate = |i: usize| fates.iter().find(|f| f.candidate == all[i].id).unwrap();
         assert_eq!(fate(0).given_up, None, "a default stays");
-        assert!((1..7).all(|i| fate(i).rungs == 1), "{fates:?}");
-        // Of twelve four go on, and of those with the default two.
-        assert_eq!(fates.iter().filter(|f| f.rungs >= 2).count(), 4);
+        assert!((1..13).all(|i| fate(i).rungs == 1), "{fates:?}");
+        // Of twenty-four six go on, and of those two.
+        assert_eq!(fates.iter().filter(|f| f.rungs >= 2).count(), 6);
         let last: Vec<_> = fates.iter().filter(|f| f.given_up.is_none()).collect();
         assert_eq!(last.len(), 2);
         assert!(last.iter().all(|f| f.rungs == 3));
@@ -161,7 +161,7 @@ mod tests {
         all[1].settings.tolerance = 4.0;
         all[1].settings.density = all[2].settings.density + 0.2;
         let reason = |noise: f64| {
-            let fates = run(&all, 2, |c, _| Ok(verdict(c, noise))).unwrap();
+            let fates = run(&all, 2, |c, _, _| Ok(verdict(c, noise))).unwrap();
             fates.into_iter().find(|f| f.candidate == all[1].id).unwrap().given_up
         };
         assert_eq!(reason(0.001), Some(GivenUp::DominatedBy(all[2].id.clone())));
@@ -172,7 +172,7 @@ mod tests {
     fn knobs_whose_cost_is_not_counted_have_a_margin() {
         let all = candidates(2);
         let judged = |other: &str, cheaper: f64| {
-            let judge = |c: &Candidate, _| {
+            let judge = |c: &Candidate, _, _| {
                 let first = c.id == all[0].id;
                 let cost = Estimate::exact(if first { 1.0 - cheaper } else { 1.0 });
                 let objectives = vec![Estimate::exact(if first { 1.0 } else { 2.0 })];

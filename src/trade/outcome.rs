@@ -60,8 +60,8 @@ pub struct Entry {
     pub knobs: BTreeMap<String, serde_json::Value>,
     /// Its settings, as a file.
     pub settings: String,
-    /// Whether no other is better in time, FLIP and flicker error at once, with time differences below the noise taken for
-    /// none.
+    /// Whether no other is better in time, FLIP, flicker error and sharpness at once, with time differences below the noise
+    /// taken for none.
     pub on_front: bool,
     /// What it takes.
     pub timing: Timing,
@@ -128,7 +128,7 @@ pub fn motions(search: &Search) -> Result<Vec<Motion>> {
 /// A bracket's decisions from what was measured.
 fn replay(store: &Store, search: &Search, bracket: &[Candidate]) -> Result<Vec<Fate>> {
     let rungs = rungs(search.size, search.frames, &motions(search)?);
-    halving::run(bracket, rungs.len(), |candidate, index| {
+    halving::run(bracket, rungs.len(), |candidate, index, _| {
         let runs = rungs[index].motions.iter().map(|motion| {
             store.run(index, &candidate.id, motion.name())?.ok_or_else(|| Error::Search {
                 path: store.folder().to_owned(),
@@ -171,10 +171,16 @@ fn over_motions(runs: &[Run], of: impl Fn(&Run) -> Option<f64>) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// Of two that differ in time by less than the noise, the one that is better in both other respects wins.
+/// How far the sharpness is from the reference's, over motions.
+fn sharpness_error(entry: &Entry) -> f64 {
+    over_motions(&entry.runs, |r| r.quality.sharpness_error()).unwrap_or_default()
+}
+
+/// Of two that differ in time by less than the noise, the one that is better in all other respects wins.
 fn mark_front(entries: &mut [Entry]) {
-    let points: Vec<Vec<Estimate>> =
-        entries.iter().map(|e| vec![Estimate::exact(e.timing.ms), e.flip, e.flicker_error]).collect();
+    let point =
+        |e: &Entry| vec![Estimate::exact(e.timing.ms), e.flip, e.flicker_error, Estimate::exact(sharpness_error(e))];
+    let points: Vec<Vec<Estimate>> = entries.iter().map(point).collect();
     let best = front(&points);
     let beaten_within_noise = |i: usize| {
         entries.iter().any(|other| {
@@ -182,6 +188,7 @@ fn mark_front(entries: &mut [Entry]) {
             timing::ratio(&other.timing, &own.timing).is_none_or(|r| r < 1.0)
                 && other.flip.mean < own.flip.mean
                 && other.flicker_error.mean < own.flicker_error.mean
+                && sharpness_error(other) <= sharpness_error(own)
         })
     };
     let on_front: Vec<bool> = (0..entries.len()).map(|i| best.contains(&i) && !beaten_within_noise(i)).collect();

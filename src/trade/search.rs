@@ -98,15 +98,22 @@ impl Job<'_> {
         rungs: &[Rung],
         references: &References,
     ) -> std::result::Result<Vec<Candidate>, Ended> {
-        self.progress.begin(&format!("bracket {} of {}", index + 1, self.search.brackets), bracket.len() as u64);
         let mut stopped = false;
-        let fates = halving::run(bracket, rungs.len(), |candidate, rung| {
+        let mut begun = None;
+        let fates = halving::run(bracket, rungs.len(), |candidate, rung, count| {
+            if begun != Some(rung) {
+                if begun.replace(rung).is_some() {
+                    self.progress.finish();
+                }
+                let (bracket, brackets) = (index + 1, self.search.brackets);
+                self.progress.begin(&format!("bracket {bracket} of {brackets}, rung {}", rung + 1), count as u64);
+            }
             stopped = stopped || (self.stop)();
             if stopped {
                 return Err(Error::Search { path: self.store.folder().to_owned(), message: "stopped".to_owned() });
             }
             let judged = self.judge(candidate, &rungs[rung], references);
-            self.progress.advance(u64::from(rung == 0));
+            self.progress.advance(1);
             judged
         });
         let fates = match fates {

@@ -82,6 +82,13 @@ pub struct Quality {
     pub energy_ratio: f64,
 }
 
+impl Quality {
+    /// How far the sharpness is from the reference's, either way, 0 to 1; none where it is not measured.
+    pub fn sharpness_error(&self) -> Option<f64> {
+        Some((self.cpbd? - self.cpbd_reference?).abs())
+    }
+}
+
 /// A candidate on a rung under a motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Run {

@@ -18,7 +18,7 @@ const FRAMES: u32 = 4;
 /// Frames of a round before them.
 const WARM_UP: u32 = 2;
 /// Pairs of rounds a motion: the two of a pair render the same frames.
-const PAIRS: usize = 2;
+const PAIRS: usize = 1;
 
 /// What a candidate's frames take.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

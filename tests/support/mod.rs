@@ -5,6 +5,7 @@
 pub mod host;
 pub mod kernel;
 pub mod masks;
+pub mod probe;
 pub mod random;
 pub mod shaded;
 pub mod view;
