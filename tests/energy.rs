@@ -99,21 +99,25 @@ fn what_is_in_front_gains_weight_in_the_first_frame_of_a_movement() {
     let rig = rig("hairball?strands=300");
     let truth = reference(&rig, Motion::Pan, 2);
     let change = |filter_fill| {
-        let mut change = 0.0;
-        for (density, seed) in [(4.0, 0), (4.0, 1), (1.0, 0), (1.0, 1)] {
-            let (gained, missing) = gain(&rig, &truth, &Settings { filter_fill, ..settings(density, seed) });
-            println!(
-                "{filter_fill:?}, density {density}: {missing:.3} of the samples hidden, {gained:.4} times the energy"
-            );
-            assert!(missing > 0.05 && gained < 1.0 / (1.0 - missing), "{missing} {gained}");
-            change += 0.25 * (gained - 1.0);
-        }
-        println!("{filter_fill:?}: {change:+.4}");
-        change
+        [4.0, 1.0].map(|density| {
+            let mut change = 0.0;
+            for seed in 0..2 {
+                let (gained, missing) = gain(&rig, &truth, &Settings { filter_fill, ..settings(density, seed) });
+                println!(
+                    "{filter_fill:?}, {density}: {missing:.3} of the samples hidden, {gained:.4} times the energy"
+                );
+                assert!(missing > 0.05 && gained < 1.0 / (1.0 - missing), "{missing} {gained}");
+                change += 0.5 * (gained - 1.0);
+            }
+            change
+        })
     };
     let (none, edge) = (change(Fill::None), change(Fill::Edge));
-    assert!(edge < 0.75 * none, "a fill replaces a part of it: {edge} of {none}");
-    assert!(edge > 0.003, "strands gain weight: {edge}. If they no longer do, this limitation is gone");
+    let mean = |change: [f64; 2]| change[0].midpoint(change[1]);
+    let gone = "If they no longer do, this limitation is gone";
+    assert!(none.iter().all(|change| *change > 0.005), "strands gain weight: {none:?}. {gone}");
+    assert!(mean(edge) < 0.75 * mean(none), "a fill replaces a part of it: {edge:?} of {none:?}");
+    assert!(mean(edge) > 0.003, "strands gain weight: {edge:?}. {gone}");
     // A camera that turns covers nothing, and the mean stays.
     let truth = reference(&rig, Motion::Rotate, 2);
     let frames = render(&rig, &settings(4.0, 0), Motion::Rotate, 2);

@@ -85,10 +85,10 @@ fn figures_are_drawn_and_named() {
 fn phases_are_timed_in_the_papers_columns() {
     let rig = Rig::new(load("builtin:strands"));
     let shot = Shot::new(&rig.scene, None, Motion::Static).unwrap();
-    let [stable, supersample] = phases::measure(&studio_of(&rig, &shot), SIZE, &|| false).unwrap().unwrap();
+    let [stable, supersample] = phases::measure(&studio_of(&rig, &shot), SIZE, &Quiet, &|| false).unwrap().unwrap();
     for (own, other) in stable.iter().zip(&supersample) {
         assert!(own.reprojection > 0.0 && own.analysis > 0.0 && own.shading > 0.0 && own.reconstruction > 0.0);
         assert!(other.reprojection == 0.0 && other.analysis == 0.0 && other.shading > 0.0 && other.total() > 0.0);
     }
-    assert!(phases::measure(&studio_of(&rig, &shot), SIZE, &|| true).unwrap().is_none());
+    assert!(phases::measure(&studio_of(&rig, &shot), SIZE, &Quiet, &|| true).unwrap().is_none());
 }

@@ -178,6 +178,7 @@ fn wrong_words_are_refused() {
         ("trade builtin:cornell --hold density=99", "from 0.0625 to 16"),
         ("trade builtin:cornell --frames 3", "--frames"),
         ("trade builtin:cornell --budget-ms 0", "--budget-ms"),
+        ("trade check --motions pan,pan", "twice"),
         ("trade merge", "DIR"),
     ] {
         refused(dir.path(), arguments, 2, word);

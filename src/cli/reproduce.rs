@@ -121,8 +121,8 @@ impl Reproduce {
         let folder = self.out.join("figures");
         fs::create_dir_all(&folder).map_err(|cause| Error::Io { path: folder.clone(), cause })?;
         let mut all = Vec::new();
-        let table = self.with_studio("builtin:hairball", device, |studio, _| {
-            phases::measure(studio, self.size, &interrupt::requested)?.ok_or_else(stopped)
+        let table = self.with_studio("builtin:hairball", device, |studio, progress| {
+            phases::measure(studio, self.size, progress, &interrupt::requested)?.ok_or_else(stopped)
         })?;
         all.push(("Paper 1, Table 1: time of the phases on the hairball".to_owned(), phases::table(&table)));
         let mut figure = |scene: &str, title: &str, draw: fn(&Figures<'_>) -> stillray::Result<Option<String>>| {

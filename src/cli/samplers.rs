@@ -11,7 +11,7 @@ use stillray::sampler::trial::{Measured, Shape, measure};
 use stillray::sampler::{DIMENSIONS, Strategy, Tiling};
 
 use super::arguments::counted;
-use super::{Outcome, console, interrupt};
+use super::{Outcome, console, interrupt, progress};
 
 /// Measure how well the strategies of sampling integrate: the error of the mean over 4x4 pixels
 ///
@@ -31,6 +31,9 @@ pub struct Samplers {
     /// Write every number to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// No progress
+    #[arg(long)]
+    quiet: bool,
 }
 
 #[derive(Debug, Clone, Copy, Serialize)]
@@ -64,7 +67,10 @@ impl Samplers {
             let measured = measure(strategy, tiling, shape, dimensions, samples, self.trials);
             Row { shape, strategy, tiling, dimensions, samples, measured }
         };
-        let rows: Vec<Row> = cells.into_par_iter().map(row).collect();
+        let progress = progress::for_user(self.quiet);
+        progress.begin("integrating", cells.len() as u64);
+        let rows: Vec<Row> = cells.into_par_iter().map(row).inspect(|_| progress.advance(1)).collect();
+        progress.finish();
         if let Some(path) = &self.json {
             interrupt::uninterrupted(|| json::write(path, &rows))?;
         }

@@ -198,10 +198,7 @@ impl Hunt {
     }
 
     fn check(&self) -> Outcome {
-        let twice = self.motions.iter().collect::<BTreeSet<_>>().len() < self.motions.len();
-        if twice {
-            return Err(Failure::Usage("--motions has a motion twice".to_owned()));
-        }
+        check_motions(&self.motions)?;
         if self.shard.count > self.brackets as usize {
             let (n, brackets) = (self.shard.count, self.brackets);
             return Err(Failure::Usage(format!(
@@ -283,6 +280,7 @@ impl Pick {
 
 impl Check {
     fn run(self) -> Outcome {
+        check_motions(&self.motions)?;
         interrupt::listen();
         self.json.as_deref().map_or(Ok(()), file::check_target)?;
         let (store, search) = Store::existing(&self.folder)?;
@@ -330,6 +328,11 @@ impl Check {
         let message = format!("{kept} of {all} limits were kept, fewer than nine in ten");
         if few { Err(Failure::Failed(message)) } else { Ok(()) }
     }
+}
+
+fn check_motions(motions: &[Motion]) -> Outcome {
+    let twice = motions.iter().collect::<BTreeSet<_>>().len() < motions.len();
+    if twice { Err(Failure::Usage("--motions has a motion twice".to_owned())) } else { Ok(()) }
 }
 
 /// Writes what a search found, and says it.

@@ -4,7 +4,7 @@
 //! motion, that frame is every frame: beside an edge that moves, samples are missing (section 7, figure 10). Here the
 //! analysis runs once visibility is known, and the samples that it adds are listed and traced then.
 
-use super::{FrameResources, Kit, SceneResources, b, verify};
+use super::{FrameResources, Kit, SceneResources, b, list, verify};
 use crate::Result;
 use crate::gpu::{Pass, Range, Threads};
 use crate::shaders::{append, append_age, append_age_source, append_source, scan_fill, survey};
@@ -29,11 +29,7 @@ pub fn survey_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
 /// # Errors
 /// [`crate::Error::Vulkan`] if a pipeline cannot be made.
 pub fn passes(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
-    let [width, height] = f.size;
-    let push = scan_fill::Push { tile_count: width.div_ceil(8) * height.div_ceil(8) };
-    let bindings = scan_fill::Bindings { frame: b(f.frame), tiles: b(f.tiles), counters: b(f.counters) };
-    let one_group = Threads::Exactly(scan_fill::SHADER.local_size);
-    let sum = kit.dispatch("fill", &scan_fill::SHADER, &bindings.list(), bytemuck::bytes_of(&push), one_group)?;
+    let sum = list::scan_pass("fill", &scan_fill::SHADER, kit, f)?;
     Ok(vec![sum, append_pass(kit, f)?, verify::traced("fill", kit, f, s, added(f))?])
 }
 

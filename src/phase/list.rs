@@ -4,19 +4,23 @@
 use super::{FrameResources, Kit, b};
 use crate::Result;
 use crate::gpu::{Pass, Threads};
-use crate::shaders::{gather, gather_age, gather_age_source, gather_source, scan};
+use crate::shaders::{Shader, gather, gather_age, gather_age_source, gather_source, scan};
 
 /// Prefix sum, then gathering.
 ///
 /// # Errors
 /// [`crate::Error::Vulkan`] if a pipeline cannot be made.
 pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
+    Ok(vec![scan_pass("list", &scan::SHADER, kit, f)?, gather_pass(kit, f)?])
+}
+
+/// The prefix sum, by one of its variants.
+pub(super) fn scan_pass(label: &'static str, shader: &'static Shader, kit: &Kit, f: &FrameResources) -> Result<Pass> {
     let [width, height] = f.size;
     let push = scan::Push { tile_count: width.div_ceil(8) * height.div_ceil(8) };
     let bindings = scan::Bindings { frame: b(f.frame), tiles: b(f.tiles), counters: b(f.counters) };
-    let one_group = Threads::Exactly(scan::SHADER.local_size);
-    let sum = kit.dispatch("list", &scan::SHADER, &bindings.list(), bytemuck::bytes_of(&push), one_group)?;
-    Ok(vec![sum, gather_pass(kit, f)?])
+    let one_group = Threads::Exactly(shader.local_size);
+    kit.dispatch(label, shader, &bindings.list(), bytemuck::bytes_of(&push), one_group)
 }
 
 fn gather_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {

@@ -55,7 +55,9 @@ pub fn contest(
     let rung = Rung { index: 0, size: search.size, frames: search.frames, motions: vec![motion], full: true };
     let of = |c: &Contestant| Settings { size: search.size, seed: search.seed, ..c.settings.clone() };
     let candidates: Vec<Candidate> = contestants.iter().map(|c| Candidate::new(of(c), Origin::Default)).collect();
+    progress.begin(&format!("{} {motion}: timing, then measuring", search.scene), 1 + candidates.len() as u64);
     let times = take_turns(studio, &candidates, motion)?.into_iter().map(|entry| entry.ms);
+    progress.advance(1);
     let mut results = Vec::new();
     for ((contestant, candidate), ms) in contestants.iter().zip(&candidates).zip(times) {
         if stop() {
@@ -63,6 +65,8 @@ pub fn contest(
         }
         let (run, _) = evaluate::run(studio, candidate, &rung, motion, &stills)?;
         results.push(Score { scene: search.scene.clone(), contestant: contestant.name.clone(), run, ms });
+        progress.advance(1);
     }
+    progress.finish();
     Ok(Some(results))
 }

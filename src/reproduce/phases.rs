@@ -2,6 +2,7 @@
 //! machine say nothing; ratios can be put side by side.
 
 use crate::Result;
+use crate::progress::Progress;
 use crate::report::statistics::Summary;
 use crate::scene::motion::Motion;
 use crate::settings::{Method, Settings};
@@ -69,7 +70,12 @@ impl Times {
 ///
 /// # Errors
 /// Those of rendering.
-pub fn measure(studio: &Studio<'_>, size: [u32; 2], stop: &dyn Fn() -> bool) -> Result<Option<[[Times; 3]; 2]>> {
+pub fn measure(
+    studio: &Studio<'_>,
+    size: [u32; 2],
+    progress: &dyn Progress,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<[[Times; 3]; 2]>> {
     let of = |method, samples: u16| {
         let settings = Settings { size, density: f32::from(samples), spp: u32::from(samples), ..Settings::of(method) };
         Candidate::new(settings, Origin::Default)
@@ -77,13 +83,16 @@ pub fn measure(studio: &Studio<'_>, size: [u32; 2], stop: &dyn Fn() -> bool) -> 
     let both = [Method::Stable, Method::Supersample];
     let candidates: Vec<Candidate> = both.into_iter().flat_map(|m| DENSITIES.map(|samples| of(m, samples))).collect();
     let mut rounds = Vec::new();
+    progress.begin("timing the phases", ROUNDS as u64);
     for _ in 0..ROUNDS {
         if stop() {
             return Ok(None);
         }
         let entries = take_turns(studio, &candidates, Motion::Rotate)?;
         rounds.push(entries.iter().map(|entry| Times::of(&entry.phases)).collect::<Vec<_>>());
+        progress.advance(1);
     }
+    progress.finish();
     let median = |of: fn(&Times) -> f64, i: usize| {
         Summary::of(&rounds.iter().filter_map(|round| round.get(i)).map(of).collect::<Vec<_>>()).median
     };

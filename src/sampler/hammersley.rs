@@ -25,10 +25,8 @@ pub fn uncooperative() -> Patterns {
     cells().map(|cell| cell.map(|[x, y]| [x << 2, y << 2]))
 }
 
-/// Each pattern has one point of each cell.
-///
-/// Which one matters. In the same order in all cells, patterns would be copies of one point in all cells, and a pattern would be a regular grid; so the order in each
-/// cell is another: the pattern's number, exclusive-or the cell's, reversed. No two points of a pattern then share one of 16 rows or columns.
+/// Each pattern has one point of each cell. In the same order in all cells, a pattern would be a regular grid; with the order
+/// of each cell turned by its place, no two points of a pattern share one of 16 rows or columns.
 pub fn cooperative() -> Patterns {
     let cells = cells();
     std::array::from_fn(|pattern| std::array::from_fn(|cell| cells[cell][pattern ^ turned(cell)]))

@@ -351,8 +351,7 @@ mod tests {
         }
     }
 
-    /// Also with fewer samples than the paper's: the first of sixteen pixels in sixteen cells, but for Hammersley's points dealt
-    /// out badly, whose cells are magnified corners.
+    /// Also with fewer samples than the paper's: the first of sixteen pixels are in sixteen cells.
     #[test]
     fn the_first_samples_cooperate() {
         for strategy in Strategy::ALL.into_iter().filter(|s| *s != Strategy::Random) {
