@@ -6,7 +6,9 @@
 //! guards the padding that this file works out.
 //!
 //! A shader may ask for variants with lines of the form `// variant NAME: DEFINE DEFINE=VALUE`; it is then also
-//! compiled as `<shader>_<NAME>` with these macros defined.
+//! compiled as `<shader>_<NAME>` with these macros defined. A line `// models: LENS AREA` names what a scene may need of it:
+//! every set of these is compiled, with the macros of the set defined, and a frame uses the one that its model
+//! (`MODEL_LENS`, `MODEL_AREA` in types.glsl) asks for. What only some of them bind is optional in `Bindings`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -27,14 +29,14 @@ fn main() {
 
 fn run() -> Result<()> {
     let folder = |name: &str| env::var(name).map(PathBuf::from).map_err(|e| format!("{name}: {e}"));
-    let code = generate(&folder("CARGO_MANIFEST_DIR")?.join("glsl"))?;
-    let out = folder("OUT_DIR")?.join("shaders.rs");
-    fs::write(&out, code).map_err(|e| format!("{}: {e}", out.display()))
+    let out = folder("OUT_DIR")?;
+    let code = generate(&folder("CARGO_MANIFEST_DIR")?.join("glsl"), &out)?;
+    write(&out.join("shaders.rs"), code.as_bytes())
 }
 
 type Result<T> = std::result::Result<T, String>;
 
-fn generate(root: &Path) -> Result<String> {
+fn generate(root: &Path, out: &Path) -> Result<String> {
     let compiler = Compiler::new(root)?;
     let mut code = String::from("// Emitted by build.rs. Do not edit.\n\n");
     let types_path = root.join("include/types.glsl");
@@ -50,18 +52,21 @@ fn generate(root: &Path) -> Result<String> {
         let stem = path.file_stem().and_then(|s| s.to_str()).ok_or("shader names are Unicode")?.to_owned();
         for (suffix, defines) in variants(&source) {
             let name = if suffix.is_empty() { stem.clone() } else { format!("{stem}_{suffix}") };
-            let module = compiler.compile(&source, &path, &defines)?;
-            emit_shader(&mut code, &name, &module, &structs).map_err(|e| format!("{}: {e}", path.display()))?;
-            names.push(name);
+            let family = Family::compile(&compiler, &source, &path, &name, &defines)?;
+            family.emit(&mut code, out, &structs).map_err(|e| format!("{}: {e}", path.display()))?;
+            names.extend((0..family.members.len()).map(|set| format!("&{name}::MEMBERS[{set}]")));
         }
     }
-    let list: Vec<String> = names.iter().map(|n| format!("&{n}::SHADER")).collect();
-    writeln!(code, "/// Every shader of the crate.\npub static ALL: &[&Shader] = &[{}];", list.join(", ")).ok();
+    writeln!(code, "/// Every shader of the crate.\npub static ALL: &[&Shader] = &[{}];", names.join(", ")).ok();
     Ok(code)
 }
 
 fn read(path: &Path) -> Result<String> {
     fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    fs::write(path, bytes).map_err(|e| format!("{}: {e}", path.display()))
 }
 
 fn entry_shaders(root: &Path) -> Result<Vec<PathBuf>> {
@@ -78,6 +83,12 @@ fn variants(source: &str) -> Vec<(String, Vec<String>)> {
     let named =
         asked.map(|(name, defines)| (name.trim().to_owned(), defines.split_whitespace().map(str::to_owned).collect()));
     std::iter::once((String::new(), Vec::new())).chain(named).collect()
+}
+
+/// What a scene may need of a shader: the names of its `// models:` line.
+fn models(source: &str) -> Vec<String> {
+    let lines = source.lines().filter_map(|line| line.strip_prefix("// models:"));
+    lines.flat_map(str::split_whitespace).map(str::to_owned).collect()
 }
 
 // --- Compiling ---
@@ -278,8 +289,74 @@ fn emit_struct(
 
 // --- Shader modules ---
 
-fn emit_shader(code: &mut String, name: &str, module: &Module, structs: &BTreeMap<String, StructType>) -> Result<()> {
-    let mut bindings: BTreeMap<u32, (String, &str, &str)> = BTreeMap::new();
+/// A shader, compiled for every set of what a scene may need of it.
+struct Family {
+    name: String,
+    models: Vec<String>,
+    /// By the set: bit i is the i-th of `models`.
+    members: Vec<Member>,
+}
+
+struct Member {
+    name: String,
+    module: Module,
+}
+
+/// Bindings by number: name, kind and access.
+type Interface = BTreeMap<u32, (String, &'static str, &'static str)>;
+
+impl Family {
+    fn compile(compiler: &Compiler, source: &str, path: &Path, name: &str, defines: &[String]) -> Result<Self> {
+        let models = models(source);
+        let member = |set: usize| {
+            let chosen = models.iter().enumerate().filter(|(i, _)| set >> i & 1 != 0).map(|(_, model)| model);
+            let all: Vec<String> = defines.iter().chain(chosen.clone()).cloned().collect();
+            let name = chosen.fold(name.to_owned(), |name, model| format!("{name}_{}", model.to_lowercase()));
+            Ok(Member { name, module: compiler.compile(source, path, &all)? })
+        };
+        let members = (0..1 << models.len()).map(member).collect::<Result<_>>()?;
+        Ok(Self { name: name.to_owned(), models, members })
+    }
+
+    fn emit(&self, code: &mut String, out: &Path, structs: &BTreeMap<String, StructType>) -> Result<()> {
+        let interfaces = self.members.iter().map(|m| interface(&m.module, structs)).collect::<Result<Vec<_>>>()?;
+        let push = interfaces.first().and_then(|(_, push)| push.clone());
+        let push_size = push.as_ref().map_or(Ok(0), |s| struct_size(s, structs))?;
+        writeln!(code, "/// Shader `{}`.\npub mod {} {{\n    use super::*;\n", self.name, self.name).ok();
+        writeln!(
+            code,
+            "    /// The shader for each set of models.\n    pub static MEMBERS: [Shader; {}] = [",
+            interfaces.len()
+        )
+        .ok();
+        for (member, (bindings, _)) in self.members.iter().zip(&interfaces) {
+            emit_member(code, out, member, bindings, push_size)?;
+        }
+        writeln!(code, "    ];\n").ok();
+        writeln!(code, "    /// The one that models nothing.\n    pub static SHADER: &Shader = &MEMBERS[0];\n").ok();
+        self.emit_choice(code);
+        let bindings: Vec<&Interface> = interfaces.iter().map(|(bindings, _)| bindings).collect();
+        emit_bindings(code, &bindings)?;
+        if let Some(s) = push {
+            emit_struct(code, "Push", &s, structs, "    ")?;
+        }
+        writeln!(code, "}}\n").ok();
+        Ok(())
+    }
+
+    fn emit_choice(&self, code: &mut String) {
+        let bits: Vec<String> = self.models.iter().map(|m| format!("MODEL_{m}")).collect();
+        writeln!(code, "    /// The `MODEL_` bits that make a difference to it.").ok();
+        writeln!(code, "    pub static MODELS: [u32; {}] = [{}];\n", bits.len(), bits.join(", ")).ok();
+        writeln!(code, "    /// The one that models no more than the `MODEL_` bits that are set.").ok();
+        writeln!(code, "    pub fn modelling(model: u32) -> &'static Shader {{").ok();
+        writeln!(code, "        &MEMBERS[set_of(model, &MODELS)]\n    }}\n").ok();
+    }
+}
+
+/// What a module binds, and its push constants.
+fn interface(module: &Module, structs: &BTreeMap<String, StructType>) -> Result<(Interface, Option<StructType>)> {
+    let mut bindings = Interface::new();
     let mut push = None;
     for var in &module.entry.vars {
         match var {
@@ -298,41 +375,62 @@ fn emit_shader(code: &mut String, name: &str, module: &Module, structs: &BTreeMa
             _ => {}
         }
     }
-    writeln!(code, "/// Shader `{name}`.\npub mod {name} {{\n    use super::*;\n").ok();
-    let words: Vec<String> = module.code.iter().map(|w| format!("{w:#x}")).collect();
+    Ok((bindings, push))
+}
+
+fn emit_member(code: &mut String, out: &Path, member: &Member, bindings: &Interface, push_size: usize) -> Result<()> {
+    let file = out.join(format!("{}.spv", member.name));
+    let bytes: Vec<u8> = member.module.code.iter().flat_map(|word| word.to_ne_bytes()).collect();
+    write(&file, &bytes)?;
     let list: Vec<String> = bindings
         .iter()
         .map(|(index, (field, kind, access))| {
             format!("Binding {{ name: \"{field}\", index: {index}, kind: Kind::{kind}, access: Access::{access} }}")
         })
         .collect();
-    let push_size = push.as_ref().map_or(Ok(0), |s| struct_size(s, structs))?;
-    let [x, y, z] = local_size(module)?;
-    writeln!(code, "    /// Code and interface.\n    pub static SHADER: Shader = Shader {{").ok();
-    writeln!(code, "        name: \"{name}\", spirv: &[{}],", words.join(",")).ok();
-    writeln!(code, "        local_size: [{x}, {y}, {z}], push_size: {push_size},").ok();
-    writeln!(code, "        bindings: &[{}],\n    }};\n", list.join(", ")).ok();
-    emit_bindings(code, &bindings);
-    if let Some(s) = push {
-        emit_struct(code, "Push", &s, structs, "    ")?;
-    }
-    writeln!(code, "}}\n").ok();
+    let [x, y, z] = local_size(&member.module)?;
+    writeln!(code, "        Shader {{\n            name: \"{}\",", member.name).ok();
+    writeln!(code, "            spirv: &Aligned(*include_bytes!(\"{}\")).0,", file.display()).ok();
+    writeln!(code, "            local_size: [{x}, {y}, {z}], push_size: {push_size},").ok();
+    writeln!(code, "            bindings: &[{}],\n        }},", list.join(", ")).ok();
     Ok(())
 }
 
-fn emit_bindings(code: &mut String, bindings: &BTreeMap<u32, (String, &str, &str)>) {
-    let fields: Vec<String> =
-        bindings.values().map(|(n, k, a)| format!("        /// {k}, {a}.\n        pub {n}: R,\n")).collect();
-    let values: Vec<String> = bindings.values().map(|(n, _, _)| format!("self.{n}")).collect();
+/// The bindings of all members: those that not all of them have are optional.
+fn emit_bindings(code: &mut String, interfaces: &[&Interface]) -> Result<()> {
+    let mut all = Interface::new();
+    for (index, binding) in interfaces.iter().flat_map(|i| i.iter()) {
+        let known = all.entry(*index).or_insert_with(|| binding.clone());
+        if known.0 != binding.0 || known.1 != binding.1 {
+            return Err(format!("binding {index} is {} here and {} there", known.0, binding.0));
+        }
+    }
+    let always = |index: &u32| interfaces.iter().all(|i| i.contains_key(index));
+    let mut fields = String::new();
+    let mut values = String::new();
+    let mut list = String::new();
+    for (index, (name, kind, access)) in &all {
+        let ty = if always(index) { "R" } else { "Option<R>" };
+        let value = if always(index) { format!("Some(self.{name})") } else { format!("self.{name}") };
+        writeln!(fields, "        /// {kind}, {access}.\n        pub {name}: {ty},").ok();
+        writeln!(values, "                {index} => {value},").ok();
+        writeln!(list, "self.{name}, ").ok();
+    }
     writeln!(code, "    /// What the shader binds, by the names that it uses.\n    #[derive(Clone, Copy, Debug)]").ok();
-    writeln!(code, "    pub struct Bindings<R> {{\n{}    }}\n", fields.concat()).ok();
-    writeln!(code, "    impl<R: Copy> Bindings<R> {{\n        /// In the order of `SHADER.bindings`.").ok();
-    writeln!(
-        code,
-        "        pub fn list(&self) -> Vec<R> {{\n            vec![{}]\n        }}\n    }}\n",
-        values.join(", ")
-    )
-    .ok();
+    writeln!(code, "    pub struct Bindings<R> {{\n{fields}    }}\n").ok();
+    writeln!(code, "    impl<R: Copy> Bindings<R> {{").ok();
+    if interfaces.len() == 1 {
+        writeln!(code, "        /// In the order of `SHADER.bindings`.").ok();
+        writeln!(code, "        pub fn list(&self) -> Vec<R> {{\n            vec![{list}]\n        }}\n    }}\n").ok();
+        return Ok(());
+    }
+    writeln!(code, "        /// What one of `MEMBERS` binds, in the order of its bindings.").ok();
+    writeln!(code, "        pub fn of(&self, member: &Shader) -> Vec<R> {{").ok();
+    writeln!(code, "            let at = |index| match index {{\n{values}                _ => None,\n            }};")
+        .ok();
+    writeln!(code, "            member.bindings.iter().filter_map(|b| at(b.index)).collect()\n        }}\n    }}\n")
+        .ok();
+    Ok(())
 }
 
 /// A shader that includes types.glsl sees the same structs as the probe did, or the build fails.

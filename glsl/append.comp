@@ -3,11 +3,10 @@
 // The fill: lists the samples that the analysis adds, behind those that were verified, and forgets those that it evicts.
 // A workgroup is a tile; its first entry comes from the prefix sum over tiles.
 //
-// variant age: AGE
-// variant source: SOURCE
-// variant age_source: AGE SOURCE
+// models: AGE SOURCE SEED
 #include "camera.glsl"
 #include "analysis.glsl"
+#include "seed.glsl"
 #include "thin.glsl"
 #include "tile_sum.glsl"
 
@@ -26,6 +25,9 @@ layout(set = 0, binding = 9, std430) writeonly buffer Ages { uint data[]; } ages
 #endif
 #ifdef SOURCE
 layout(set = 0, binding = 10, std430) writeonly buffer Sources { uint data[]; } sources;
+#endif
+#ifdef SEED
+layout(set = 0, binding = 11, std430) writeonly buffer Seeds { uint data[]; } seeds;
 #endif
 
 // Slots of a pixel are in the order of its subpixels.
@@ -58,6 +60,7 @@ void main() {
         extras.data[index + 1u] = end;
     }
     uint h = pixel_hash(pixel, frame.data.frame, ~frame.data.seed);
+    uint number = uint(bitCount(decided & masks.data[index] >> 16));
     for (; slot < end; ++slot) {
         samples.data[slot] = Sample(vec3(new_position(pixel, uint(findLSB(added)), h, frame.data.flags), 0.0), NEW_INSTANCE);
         added &= added - 1u;
@@ -66,6 +69,9 @@ void main() {
 #endif
 #ifdef SOURCE
         sources.data[slot] = NO_SOURCE;
+#endif
+#ifdef SEED
+        seeds.data[slot] = new_seed(pixel, number++ & 15u);
 #endif
     }
 }

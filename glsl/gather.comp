@@ -3,11 +3,10 @@
 // Builds the dense ray list: the samples that each pixel keeps, and its new ones, in pixel order. Every entry is a ray
 // to trace. A workgroup is a tile; its first entry comes from the prefix sum over tiles.
 //
-// variant age: AGE
-// variant source: SOURCE
-// variant age_source: AGE SOURCE
+// models: AGE SOURCE SEED
 #include "camera.glsl"
 #include "analysis.glsl"
+#include "seed.glsl"
 #include "thin.glsl"
 #include "tile_sum.glsl"
 
@@ -28,8 +27,12 @@ layout(set = 0, binding = 10, std430) writeonly buffer Ages { uint data[]; } age
 #ifdef SOURCE
 layout(set = 0, binding = 11, std430) writeonly buffer Sources { uint data[]; } sources;
 #endif
+#ifdef SEED
+layout(set = 0, binding = 12, std430) readonly buffer PreviousSeeds { uint data[]; } previous_seeds;
+layout(set = 0, binding = 13, std430) writeonly buffer Seeds { uint data[]; } seeds;
+#endif
 
-void write(uint slot, uvec2 pixel, uint index, uint subpixel, bool added) {
+void write(uint slot, uvec2 pixel, uint index, uint subpixel, bool added, uint number) {
     if (added) {
         uint h = pixel_hash(pixel, frame.data.frame, ~frame.data.seed);
         samples.data[slot] = Sample(vec3(new_position(pixel, subpixel, h, frame.data.flags), 0.0), NEW_INSTANCE);
@@ -42,6 +45,10 @@ void write(uint slot, uvec2 pixel, uint index, uint subpixel, bool added) {
 #endif
 #ifdef SOURCE
     sources.data[slot] = added ? NO_SOURCE : claims.data[claim_slot(index, subpixel, frame.data.flags)] & INSTANCE_MASK;
+#endif
+#ifdef SEED
+    seeds.data[slot] = added ? new_seed(pixel, number & 15u)
+        : previous_seeds.data[claims.data[claim_slot(index, subpixel, frame.data.flags)] & INSTANCE_MASK];
 #endif
 }
 
@@ -67,11 +74,13 @@ void main() {
     // Where all fits, by subpixel. Else unoccluded first, then new, then occluded: what is thinned out is what matters least.
     uint urgent = counters.data.thin == 0u ? decided : visible | (decided & 0xffff0000u);
     uint rest = decided & ~urgent;
+    uint number = uint(bitCount(visible));
     for (; slot < end; ++slot) {
         bool last = urgent == 0u;
         uint bit = uint(findLSB(last ? rest : urgent));
         urgent &= urgent - uint(!last);
         rest &= rest - uint(last);
-        write(slot, pixel, index, bit & 15u, bit >= 16u);
+        write(slot, pixel, index, bit & 15u, bit >= 16u, number);
+        number += bit >> 4;
     }
 }

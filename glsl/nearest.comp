@@ -6,7 +6,7 @@
 // on the order of arrival.
 //
 // variant index: INDEX
-#include "camera.glsl"
+// models: LENS
 #include "track.glsl"
 
 layout(local_size_x = 64) in;
@@ -15,6 +15,11 @@ layout(set = 0, binding = 1, std430) readonly buffer Instances { Instance data[]
 layout(set = 0, binding = 2, std430) readonly buffer CountersBlock { Counters data; } counters;
 layout(set = 0, binding = 3, std430) readonly buffer Samples { Sample data[]; } samples;
 layout(set = 0, binding = 4, std430) buffer TrackedBlock { Tracked data[]; } tracked;
+#ifdef LENS
+layout(set = 0, binding = 5, std430) readonly buffer Seeds { uint data[]; } seeds;
+layout(set = 0, binding = 6, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#include "place.glsl"
 
 void main() {
     uint i = dense_index();
@@ -22,16 +27,18 @@ void main() {
         return;
     }
     Sample s = samples.data[i];
-    uint id = s.instance & INSTANCE_MASK;
-    bool surface = id < frame.data.instance_count;
-    vec3 relative = s.position;
-    if (surface) {
-        relative = transform_point(instances.data[id].to_relative, s.position);
-    } else if (id != SKY_INSTANCE) {
+    bool surface = is_surface(s);
+    if (!surface && (s.instance & INSTANCE_MASK) != SKY_INSTANCE) {
         return;  // no point
     }
+    vec3 relative = relative_position(s);
+#ifdef LENS
+    uint seed = seeds.data[i];
+#else
+    const uint seed = 0u;
+#endif
     vec2 where;
-    if (!project(frame.data.right, frame.data.up, frame.data.forward.xyz, frame.data.size, relative, where)) {
+    if (!place_within(eye_now(), seed, relative, surface, 1.0, where)) {
         return;
     }
     uint index = pixel_index(pixel_of(where, frame.data.size), frame.data.size);

@@ -17,7 +17,9 @@
 //
 // variant nearest: NEAREST
 // variant displaced: NEAREST DISPLACED
-#include "camera.glsl"
+// models: LENS
+
+#include "types.glsl"
 
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
@@ -30,14 +32,19 @@ layout(set = 0, binding = 5, std430) buffer Masks { uint data[]; } masks;
 layout(set = 0, binding = 6, std430) readonly buffer Taken { uint data[]; } taken;  // the masks before
 #endif
 
+#ifdef LENS
+layout(set = 0, binding = 7, std430) readonly buffer Seeds { uint data[]; } seeds;
+layout(set = 0, binding = 8, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#include "place.glsl"
+
 #ifdef NEAREST
 // Squared distance from the camera, with the sky behind everything.
 float depth_key(Sample s) {
-    uint id = s.instance & INSTANCE_MASK;
-    if (id >= frame.data.instance_count) {
+    if (!is_surface(s)) {
         return uintBitsToFloat(INFINITY_BITS);
     }
-    vec3 relative = transform_point(instances.data[id].to_relative, s.position);
+    vec3 relative = relative_position(s);
     return dot_precise(relative, relative);
 }
 
@@ -81,15 +88,17 @@ void main() {
         return;
     }
     Sample s = samples.data[i];
-    uint id = s.instance & INSTANCE_MASK;
-    vec3 relative = s.position;
-    if (id < frame.data.instance_count) {
-        relative = transform_point(instances.data[id].to_relative, s.position);
-    } else if (id != SKY_INSTANCE) {
+    bool surface = is_surface(s);
+    if (!surface && (s.instance & INSTANCE_MASK) != SKY_INSTANCE) {
         return;  // lost
     }
+#ifdef LENS
+    uint seed = seeds.data[i];
+#else
+    const uint seed = 0u;
+#endif
     vec2 where;
-    if (!project(frame.data.right, frame.data.up, frame.data.forward.xyz, frame.data.size, relative, where)) {
+    if (!place_within(eye_now(), seed, relative_position(s), surface, 1.0, where)) {
         return;
     }
     uvec2 pixel = pixel_of(where, frame.data.size);

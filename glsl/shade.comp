@@ -1,7 +1,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // The radiance of every visible sample towards the camera.
-#include "camera.glsl"
+//
+// models: LENS AREA
+#include "types.glsl"
 
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
@@ -19,12 +21,17 @@ layout(set = 0, binding = 11, std430) readonly buffer Samples { Sample data[]; }
 layout(set = 0, binding = 12, std430) readonly buffer FoundBlock { Found data[]; } found;
 layout(set = 0, binding = 13, std430) readonly buffer Lit { uint data[]; } lit;
 layout(set = 0, binding = 14, std430) writeonly buffer ShadedBlock { Shaded data[]; } shaded;
+#if defined(LENS) || defined(AREA)
+layout(set = 0, binding = 15, std430) readonly buffer Seeds { uint data[]; } seeds;
+layout(set = 0, binding = 16, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
 
 #define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
 #include "brdf.glsl"
 #include "choice.glsl"
 #include "light.glsl"
 #include "material.glsl"
+#include "place.glsl"
 #include "triangle.glsl"
 
 const Shaded NOT_VISIBLE = Shaded(0u, 0u, 0u, -1.0);
@@ -38,12 +45,16 @@ SurfacePoint point_of(Found f, Instance inst) {
     return surface_point(inst.to_relative, inst.to_object, a, b, c, f.u, f.v);
 }
 
-vec3 surface_radiance(Found f, uint lit_bits) {
+vec3 surface_radiance(Found f, uint slot, uint lit_bits) {
     Instance inst = instances.data[f.instance];
     Triangle corner = triangles.data[f.primitive];
     Material material = materials.data[corner.material];
     SurfacePoint point = point_of(f, inst);
+#ifdef LENS
+    vec3 view = unit_or(ray_origin(seeds.data[slot]) - point.position, point.normal);
+#else
     vec3 view = unit_or(-point.position, point.normal);
+#endif
     Surface s = surface_at(material, inst, vertices.data[corner.vertex0], vertices.data[corner.vertex1],
         vertices.data[corner.vertex2], f.u, f.v, point.normal, view);
     if (s.unlit) {
@@ -52,9 +63,16 @@ vec3 surface_radiance(Found f, uint lit_bits) {
     vec3 ambient = reflect_uniform(s.base_color, s.metallic, s.roughness, s.normal, view);
     vec3 radiance = s.emissive + ambient * frame.data.environment.rgb * s.occlusion;
     float weight = light_weight(frame.data.light_count, frame.data.shadow_rays);
+#ifdef AREA
+    vec2 at = seed_pair(seeds.data[slot], PAIR_LIGHT);
+#endif
     for (uint i = 0u; i < frame.data.light_count; ++i) {
         if ((lit_bits >> i & 1u) != 0u) {
+#ifdef AREA
+            Incident incident = light_at(light_point(lights.data[i], at), point.position);
+#else
             Incident incident = light_at(lights.data[i], point.position);
+#endif
             vec3 part = reflect_light(s.base_color, s.metallic, s.roughness, s.normal, view, incident.direction);
             radiance += part * (incident.irradiance * weight);
         }
@@ -67,24 +85,25 @@ const float MOTION_REACH = 64.0;
 
 // Where the sample lies in its pixel, and how far it moved since the last frame, in pixels; false if that is unknown. Rounding
 // may have put a visible sample past the frame's border, by a little: it belongs to the pixel at the border.
-bool locate(Sample s, out vec2 offset, out vec2 motion, out float depth) {
-    uint id = s.instance & INSTANCE_MASK;
-    bool surface = id < frame.data.instance_count;
-    vec3 now = s.position;
+bool locate(Sample s, uint slot, out vec2 offset, out vec2 motion, out float depth) {
+    bool surface = is_surface(s);
+    vec3 now = relative_position(s);
     vec3 before = s.position;
     depth = uintBitsToFloat(INFINITY_BITS);
     if (surface) {
-        now = transform_point(instances.data[id].to_relative, s.position);
-        before = transform_point(instances.data[id].previous, s.position);
+        before = transform_point(instances.data[s.instance & INSTANCE_MASK].previous, s.position);
         depth = length(now);
     }
-    Frame f = frame.data;
+#ifdef LENS
+    uint seed = seeds.data[slot];
+#else
+    const uint seed = 0u;
+#endif
     vec2 pixel;
     vec2 last;
-    bool here = project_within(f.right, f.up, f.forward.xyz, f.size, now, MOTION_REACH, pixel);
-    bool there =
-        project_within(f.previous_right, f.previous_up, f.previous_forward.xyz, f.size, before, MOTION_REACH, last);
-    offset = pixel - clamp(floor(pixel), vec2(0.0), vec2(f.size - 1u));
+    bool here = place_within(eye_now(), seed, now, surface, MOTION_REACH, pixel);
+    bool there = place_within(eye_before(), seed, before, surface, MOTION_REACH, last);
+    offset = pixel - clamp(floor(pixel), vec2(0.0), vec2(frame.data.size - 1u));
     motion = pixel - last;
     return here && there;
 }
@@ -101,12 +120,12 @@ void main() {
     }
     vec3 radiance = frame.data.environment.rgb;
     if (f.instance != SKY_INSTANCE) {
-        radiance = surface_radiance(f, lit.data[slot]);
+        radiance = surface_radiance(f, slot, lit.data[slot]);
     }
     vec2 offset;
     vec2 motion;
     float depth;
-    bool known = locate(samples.data[slot], offset, motion, depth);
+    bool known = locate(samples.data[slot], slot, offset, motion, depth);
     Shaded result = pack_shaded(radiance, offset, motion, depth);
     result.motion = known ? result.motion : MOTION_UNKNOWN;
     shaded.data[slot] = result;

@@ -3,9 +3,9 @@
 // One shadow ray a light, up to a number, for every visible sample. A bit of `lit` says that the light reaches the sample;
 // the rays towards lights behind the surface are not traced and leave their bits zero, as do lights that are not chosen.
 //
-// variant alpha: ALPHA
+// models: ALPHA LENS AREA
 #define TRAVERSE_ANY
-#include "camera.glsl"
+#include "types.glsl"
 
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
@@ -25,21 +25,39 @@ layout(set = 0, binding = 11, std430) readonly buffer Materials { Material data[
 layout(set = 0, binding = 12, std430) readonly buffer Vertices { Vertex data[]; } vertices;
 layout(set = 0, binding = 13) uniform sampler2DArray atlas;
 layout(set = 0, binding = 14, std430) readonly buffer Srgb { float data[256]; } srgb;
+#endif
+#if defined(LENS) || defined(AREA)
+layout(set = 0, binding = 15, std430) readonly buffer Seeds { uint data[]; } seeds;
+layout(set = 0, binding = 16, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#include "place.glsl"
+#ifdef ALPHA
 #include "alpha_hit.glsl"
 #endif
 #include "choice.glsl"
+#ifdef AREA
+#include "light.glsl"
+#endif
 #include "traverse.glsl"
 
 shared uint tally;
 
 // The bits of all lights for one sample; counts the rays. Lights are chosen one after the other, each with the chance that
 // leaves all sets alike (selection sampling: Knuth, The Art of Computer Programming 3.4.2, algorithm S).
-uint lights_reaching(Found f, uint h, out uint rays) {
+uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
     Instance inst = instances.data[f.instance];
     Corners c = load_corners(f.primitive);
     SurfacePoint point = surface_point(inst.to_relative, inst.to_object, c.v0, c.v1, c.v2, f.u, f.v);
-    // The viewer is at the origin: the lit side is the one that is seen.
-    float viewer_side = dot(point.normal, point.position) <= 0.0 ? 1.0 : -1.0;
+    // The lit side is the one that is seen.
+#ifdef LENS
+    vec3 seen_along = point.position - ray_origin(seeds.data[slot]);
+#else
+    vec3 seen_along = point.position;
+#endif
+    float viewer_side = dot(point.normal, seen_along) <= 0.0 ? 1.0 : -1.0;
+#ifdef AREA
+    vec2 at = seed_pair(seeds.data[slot], PAIR_LIGHT);
+#endif
     uint bits = 0u;
     rays = 0u;
     uint lights_left = frame.data.light_count;
@@ -50,7 +68,11 @@ uint lights_reaching(Found f, uint h, out uint rays) {
         bool chosen = h % lights_left < wanted;
         wanted -= uint(chosen);
         --lights_left;
+#ifdef AREA
+        Light light = light_point(lights.data[i], at);
+#else
         Light light = lights.data[i];
+#endif
         bool directional = light.kind == LIGHT_DIRECTIONAL;
         vec3 towards = directional ? -light.direction : light.position - point.position;
         if (!chosen || !(dot(point.normal, towards) * viewer_side > 0.0)) {
@@ -82,7 +104,7 @@ void main() {
         uint bits = 0u;
         uint rays = 0u;
         if (visible && f.instance != SKY_INSTANCE) {
-            bits = lights_reaching(f, light_hash(samples.data[slot], frame.data.seed), rays);
+            bits = lights_reaching(f, slot, light_hash(samples.data[slot], frame.data.seed), rays);
         }
         lit.data[slot] = bits;
         atomicAdd(tally, rays);

@@ -6,6 +6,8 @@
 // Tracing towards a point gives that point but for rounding, and the next frame starts from there. While nothing moves
 // such errors would add up and the picture would never rest: once it has settled, each pixel's ray is that of the last
 // frame, to the bit.
+//
+// models: SEED LENS
 #include "track.glsl"
 #include "analysis.glsl"
 
@@ -18,6 +20,14 @@ layout(set = 0, binding = 4, std430) buffer Aims { vec2 data[]; } aims;
 layout(set = 0, binding = 5, std430) writeonly buffer Samples { Sample data[]; } samples;
 layout(set = 0, binding = 6, std430) writeonly buffer Offsets { uint data[]; } offsets;
 layout(set = 0, binding = 7, std430) buffer CountersBlock { Counters data; } counters;
+#if defined(SEED) || defined(LENS)
+layout(set = 0, binding = 8, std430) writeonly buffer Seeds { uint data[]; } seeds;
+layout(set = 0, binding = 9, std430) readonly buffer PreviousSeeds { uint data[]; } previous_seeds;
+#endif
+#ifdef LENS
+layout(set = 0, binding = 10, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#include "place.glsl"
 
 // Pixels with 0, 1, ... 16 and more points.
 shared uint tally[17];
@@ -25,15 +35,25 @@ shared uint tally[17];
 // Where the winner is in this frame.
 vec2 position_of(uint point) {
     Sample s = previous.data[point];
-    uint id = s.instance & INSTANCE_MASK;
-    vec3 relative = s.position;
-    if (id < frame.data.instance_count) {
-        relative = transform_point(instances.data[id].to_relative, s.position);
-    }
+#ifdef LENS
+    uint seed = previous_seeds.data[point];
+#else
+    const uint seed = 0u;
+#endif
     vec2 where;
-    project(frame.data.right, frame.data.up, frame.data.forward.xyz, frame.data.size, relative, where);
+    place_within(eye_now(), seed, relative_position(s), is_surface(s), 1.0, where);
     return where;
 }
+
+#if defined(SEED) || defined(LENS)
+// A point that is followed keeps its places on lens and lights.
+uint seed_of(uvec2 pixel, uint index, Tracked t) {
+    if ((frame.data.flags & FRAME_SETTLED) != 0u) {
+        return previous_seeds.data[index];
+    }
+    return t.others + 1u != 0u ? previous_seeds.data[t.point] : new_seed(pixel, 0u);
+}
+#endif
 
 void aim(uvec2 pixel) {
     uint index = pixel_index(pixel, frame.data.size);
@@ -46,6 +66,9 @@ void aim(uvec2 pixel) {
         aims.data[index] = at;
     }
     samples.data[index] = Sample(vec3(at, 0.0), NEW_INSTANCE);
+#if defined(SEED) || defined(LENS)
+    seeds.data[index] = seed_of(pixel, index, t);
+#endif
     offsets.data[index] = index;
     if (index + 1u == frame.data.size.x * frame.data.size.y) {
         offsets.data[index + 1u] = index + 1u;

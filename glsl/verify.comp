@@ -4,8 +4,8 @@
 // sample's ray ends a little behind the sample: it finds the sample's own surface, or what hides it. Of a list to which a
 // fill was added behind, only that part is traced.
 //
-// variant alpha: ALPHA
-#include "camera.glsl"
+// models: ALPHA LENS
+#include "types.glsl"
 
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
@@ -23,6 +23,13 @@ layout(set = 0, binding = 9, std430) readonly buffer Materials { Material data[]
 layout(set = 0, binding = 10, std430) readonly buffer Vertices { Vertex data[]; } vertices;
 layout(set = 0, binding = 11) uniform sampler2DArray atlas;
 layout(set = 0, binding = 12, std430) readonly buffer Srgb { float data[256]; } srgb;
+#endif
+#ifdef LENS
+layout(set = 0, binding = 13, std430) readonly buffer Seeds { uint data[]; } seeds;
+layout(set = 0, binding = 14, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#include "place.glsl"
+#ifdef ALPHA
 #include "alpha_hit.glsl"
 #endif
 
@@ -78,6 +85,23 @@ Found check_sample(uint slot, uint id, vec3 relative, Intersection hit) {
     return f;
 }
 
+struct CameraRay {
+    vec3 origin;
+    vec3 direction;  // to the sample, of its length, if it is on a surface
+};
+
+CameraRay camera_ray(uint slot, Sample s, vec3 target, bool added, bool surface) {
+#ifdef LENS
+    vec3 origin = ray_origin(seeds.data[slot]);
+    if (added) {
+        return CameraRay(origin, ray_direction(s.position.xy, origin));
+    }
+    return CameraRay(origin, surface ? target - origin : target);
+#else
+    return CameraRay(vec3(0.0), added ? camera_direction(frame.data, s.position.xy) : target);
+#endif
+}
+
 void main() {
     uint slot = counters.data.first + dense_index();
     if (slot >= counters.data.samples) {
@@ -86,17 +110,13 @@ void main() {
     Sample s = samples.data[slot];
     uint id = s.instance & INSTANCE_MASK;
     bool added = id == NEW_INSTANCE;
-    bool surface = id < frame.data.instance_count;
-    vec3 direction = s.position;
+    bool surface = is_surface(s);
+    vec3 target = added ? vec3(0.0) : relative_position(s);
+    CameraRay ray = camera_ray(slot, s, target, added, surface);
+    Intersection hit = traverse(ray.origin, ray.direction, surface ? REACH : uintBitsToFloat(INFINITY_BITS));
     if (added) {
-        direction = camera_direction(frame.data, s.position.xy);
-    } else if (surface) {
-        direction = transform_point(instances.data[id].to_relative, s.position);
-    }
-    Intersection hit = traverse(vec3(0.0), direction, surface ? REACH : uintBitsToFloat(INFINITY_BITS));
-    if (added) {
-        found.data[slot] = make_sample(slot, hit, direction);
+        found.data[slot] = make_sample(slot, hit, ray.direction);
     } else {
-        found.data[slot] = check_sample(slot, id, direction, hit);
+        found.data[slot] = check_sample(slot, id, target, hit);
     }
 }

@@ -8,6 +8,7 @@ use crate::gpu::{Buffer, Context, Image, Recorder};
 use crate::method::SLOTS;
 use crate::method::buffers::FrameBuffers;
 use crate::method::constants::{self, Moment};
+use crate::method::model::Model;
 use crate::method::plan::{self, Plan};
 use crate::method::ring::Ring;
 use crate::method::storage::Storage;
@@ -109,6 +110,7 @@ struct Last {
 
 /// Everything whose size depends on the frame's.
 struct Frames {
+    model: Model,
     storage: Storage,
     plans: [Plan; SLOTS],
     buffers: FrameBuffers,
@@ -288,6 +290,11 @@ impl Renderer {
         &self.frames.plans
     }
 
+    /// What is modelled, and why.
+    pub fn model(&self) -> &Model {
+        &self.frames.model
+    }
+
     /// Sizes of everything that depends on the frame's size.
     pub fn storage(&self) -> &Storage {
         &self.frames.storage
@@ -313,6 +320,10 @@ impl Renderer {
             if let Some(index) = index {
                 return wrong("pose", format!("{what} {index}"), "finite transforms only".to_owned());
             }
+        }
+        if inputs.view.lens.is_open() && !self.frames.model.has(shaders::MODEL_LENS) {
+            let expected = "a pinhole, since no camera of the scene has an aperture; or model = all".to_owned();
+            return wrong("view.lens", format!("{:?}", inputs.view.lens), expected);
         }
         constants::check_view(&inputs.view, self.settings.size)
     }
@@ -383,17 +394,18 @@ impl Renderer {
 
 impl Frames {
     fn new(context: &Context, scene: &ResidentScene, settings: &Settings) -> Result<Self> {
-        let storage = Storage::new(settings);
+        let model = Model::of(&scene.requirements, settings);
+        let storage = Storage::new(settings, model.bits());
         let buffers = FrameBuffers::new(context, settings, &storage, scene.instance_count(), scene.light_count())?;
         let ring = Ring::new(context, scene)?;
         // Two plans of less than 28 passes each.
-        let kit = Kit::new(context, 2 * 28)?;
+        let kit = Kit::new(context, 2 * 28, model.bits())?;
         let plan_of = |slot: usize| -> Result<Plan> {
             let resources = buffers.resources(slot);
             let transfers = ring.transfers(slot, &resources, scene);
             plan::plan(&kit, settings, &resources, &scene.resources(), &transfers)
         };
         let plans = [plan_of(0)?, plan_of(1)?];
-        Ok(Self { storage, buffers, _kit: kit, ring, plans })
+        Ok(Self { model, storage, buffers, _kit: kit, ring, plans })
     }
 }

@@ -6,7 +6,8 @@ use crate::gpu::{Buffer, Context, Image, ImageDesc, Range, Resource};
 use crate::phase::SceneResources;
 use crate::progress::Progress;
 use crate::scene::atlas::{self, Atlas};
-use crate::scene::{AlphaMode, Environment, Light, Scene};
+use crate::scene::requirements::{self, Requirements};
+use crate::scene::{Environment, Light, Scene};
 use crate::{Error, Result};
 use ash::vk;
 
@@ -19,7 +20,7 @@ pub struct ResidentScene {
     pub(crate) geometry: Geometry,
     pub(crate) lights: Vec<Light>,
     pub(crate) environment: Environment,
-    alpha: bool,
+    pub(crate) requirements: Requirements,
     nodes: Buffer,
     corners: Buffer,
     rest: Buffer,
@@ -54,11 +55,10 @@ impl ResidentScene {
         // The top level's nodes come first; every frame writes them.
         let mut nodes = vec![[0; 20]; geometry.tlas_capacity as usize];
         nodes.extend_from_slice(&geometry.nodes);
-        let is_open = |m: &crate::scene::Material| m.alpha != AlphaMode::Opaque;
         Ok(Self {
             lights: scene.lights.clone(),
             environment: scene.environment,
-            alpha: scene.materials.iter().any(is_open),
+            requirements: requirements::inspect(scene),
             nodes: upload("BVH nodes", bytemuck::cast_slice(&nodes))?,
             corners: upload("triangle corners", bytemuck::cast_slice(&geometry.triangle_corners))?,
             rest: upload("triangle corners", bytemuck::cast_slice(&geometry.triangle_rest))?,
@@ -82,7 +82,6 @@ impl ResidentScene {
             materials: Range::whole("materials", &self.materials),
             atlas: Resource::Sampled("atlas", self.atlas.view(), self.sampler.raw()),
             srgb: Range::whole("srgb", &self.srgb),
-            alpha: self.alpha,
         }
     }
 

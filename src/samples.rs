@@ -23,7 +23,7 @@ pub enum SampleKind {
     Occluded,
 }
 
-/// Projects a frame's list of samples, in its order, as the reprojection of the next frame would if nothing moved. Samples
+/// Projects a frame's list of samples, in its order, seen through the middle of the lens, as the reprojection of the next frame would if nothing moved. Samples
 /// that were given up, and those that lie outside the frame by rounding, are left out.
 pub fn points(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> Vec<SamplePoint> {
     samples.iter().filter_map(|sample| point(frame, instances, sample)).collect()

@@ -6,14 +6,30 @@
 pub struct Shader {
     /// File stem, with the variant's name if it is one.
     pub name: &'static str,
-    /// SPIR-V words.
-    pub spirv: &'static [u32],
+    /// SPIR-V words in the order of this machine's bytes, aligned to words.
+    pub spirv: &'static [u8],
     /// Threads of a workgroup.
     pub local_size: [u32; 3],
     /// Bytes of push constants, 0 if there are none.
     pub push_size: u32,
     /// Descriptors of set 0 in ascending order of their binding.
     pub bindings: &'static [Binding],
+}
+
+impl Shader {
+    /// SPIR-V words.
+    pub fn words(&self) -> &'static [u32] {
+        bytemuck::cast_slice(self.spirv)
+    }
+}
+
+/// Bytes where words may be.
+#[repr(C, align(4))]
+struct Aligned<B>(B);
+
+/// Which of some models are asked for: bit i is the i-th.
+fn set_of(model: u32, models: &[u32]) -> usize {
+    models.iter().enumerate().fold(0, |set, (i, bit)| set | usize::from(model & bit != 0) << i)
 }
 
 /// One descriptor of a shader.

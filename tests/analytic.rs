@@ -1,145 +1,20 @@
 //! Scenes whose picture is known in closed form, rendered whole: furnaces, lights over a plane, shadows, alpha, AOVs.
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a panic is a failing test
 
+mod scene_support;
+
 use glam::{DQuat, DVec2, DVec3, Vec3, Vec4};
-use stillray::gpu::ContextOptions;
-use stillray::headless::{Device, LoadedScene, Pixels, Session};
+use scene_support::{Build, Stage, ahead, direction, look, material, reds, render, trs};
+use stillray::headless::Pixels;
 use stillray::method::constants;
 use stillray::oracle::shade::{brdf::Reflector, light::light_at};
-use stillray::progress::Quiet;
-use stillray::renderer::{Aov, FrameInputs, Method, Settings};
-use stillray::scene::{
-    AlphaMode, Camera, Environment, Instance, Light, LightKind, LocalTransform, Material, Mesh, Node, Scene, View,
-};
+use stillray::renderer::{Aov, Method, Settings};
+use stillray::scene::{AlphaMode, LightKind, Material, Scene, View};
 use stillray::shaders;
 
 /// What a stored half may be off by, relative to the value: a unit in the last place, because Vulkan leaves open in which
 /// direction it is rounded. What precedes it is f32 arithmetic of some ten operations, 2^-20.
 const HALF: f64 = 1.0 / 1024.0 + 1.0 / 1_048_576.0;
-
-fn trs(translation: DVec3, rotation: DQuat, scale: f64) -> LocalTransform {
-    LocalTransform::Trs { translation, rotation, scale: DVec3::splat(scale) }
-}
-
-fn material(base_color: Vec4, metallic: f32, roughness: f32) -> Material {
-    Material { base_color, metallic, roughness, ..Material::default() }
-}
-
-/// A scene with a node for everything that is put into it.
-struct Build(Scene);
-
-impl Build {
-    fn new(environment: f32) -> Self {
-        let environment = Environment { radiance: Vec3::splat(environment) };
-        Self(Scene { name: "analytic".to_owned(), environment, ..Scene::default() })
-    }
-
-    fn node(&mut self, local: LocalTransform) -> usize {
-        self.0.nodes.push(Node { name: String::new(), parent: None, local });
-        self.0.nodes.len() - 1
-    }
-
-    fn mesh(
-        mut self,
-        positions: Vec<Vec3>,
-        normals: Vec<Vec3>,
-        triangles: Vec<[u32; 3]>,
-        m: Material,
-        at: LocalTransform,
-    ) -> Self {
-        self.0.materials.push(m);
-        let triangle_materials = vec![self.0.materials.len() as u32 - 1; triangles.len()];
-        let node = self.node(at);
-        self.0.instances.push(Instance { node, mesh: self.0.meshes.len() });
-        self.0.meshes.push(Mesh { positions, normals, triangles, triangle_materials, ..Mesh::default() });
-        self
-    }
-
-    /// The square |x|, |y| <= 1 at z = 0 that faces +z.
-    fn square(self, m: Material, at: LocalTransform) -> Self {
-        let positions = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
-        self.mesh(positions.to_vec(), vec![Vec3::Z; 4], vec![[0, 1, 2], [0, 2, 3]], m, at)
-    }
-
-    /// A ball of radius 1 with smooth normals: rings of longitude and latitude.
-    fn ball(self, m: Material, at: LocalTransform) -> Self {
-        let (rings, sides) = (12, 20);
-        let point = |i: u32, k: u32| {
-            let (a, b) =
-                (std::f32::consts::PI * i as f32 / rings as f32, std::f32::consts::TAU * k as f32 / sides as f32);
-            Vec3::new(a.sin() * b.cos(), a.cos(), a.sin() * b.sin())
-        };
-        let positions: Vec<Vec3> = (0..=rings).flat_map(|i| (0..=sides).map(move |k| point(i, k))).collect();
-        let at_index = |i: u32, k: u32| i * (sides + 1) + k;
-        let quads = (0..rings).flat_map(|i| (0..sides).map(move |k| (i, k)));
-        let triangles = quads.flat_map(|(i, k)| {
-            let [a, b, c, d] = [at_index(i, k), at_index(i, k + 1), at_index(i + 1, k + 1), at_index(i + 1, k)];
-            [[a, b, c], [a, c, d]]
-        });
-        let triangles = triangles.collect();
-        self.mesh(positions.clone(), positions, triangles, m, at)
-    }
-
-    fn light(mut self, kind: LightKind, position: DVec3, toward: DVec3, intensity: f32) -> Self {
-        let node = self.node(trs(position, DQuat::from_rotation_arc(DVec3::NEG_Z, toward.normalize()), 1.0));
-        self.0.lights.push(Light { name: String::new(), node, kind, color: Vec3::ONE, intensity, range: None });
-        self
-    }
-
-    fn camera(mut self, view: &View) -> Scene {
-        let node = self.node(trs(view.position, view.rotation, 1.0));
-        self.0.cameras.push(Camera { name: String::new(), node, yfov: view.yfov });
-        self.0
-    }
-}
-
-/// From `eye` to `target`, with +y up.
-fn look(eye: DVec3, target: DVec3, yfov: f64) -> View {
-    let back = (eye - target).normalize();
-    let right = DVec3::Y.cross(back).normalize();
-    let rotation = DQuat::from_mat3(&glam::DMat3::from_cols(right, back.cross(right), back));
-    View { position: eye, rotation: rotation.normalize(), yfov }
-}
-
-/// Along -z from the origin, with 1/4 of a metre a metre away filling half the frame's height.
-fn ahead() -> View {
-    View { position: DVec3::ZERO, rotation: DQuat::IDENTITY, yfov: 2.0 * 0.25_f64.atan() }
-}
-
-/// World-space direction through a point of the frame, of length 1 along the viewing direction.
-fn direction(view: &View, size: [u32; 2], at: DVec2) -> DVec3 {
-    let tangent = (view.yfov * 0.5).tan();
-    let [w, h] = size.map(f64::from);
-    let ndc = DVec2::new(at.x / w * 2.0 - 1.0, 1.0 - at.y / h * 2.0);
-    view.rotation * DVec3::new(ndc.x * tangent * w / h, ndc.y * tangent, -1.0)
-}
-
-struct Stage {
-    _device: Device,
-    session: Session,
-    scene: Scene,
-}
-
-impl Stage {
-    fn new(scene: Scene, settings: &Settings) -> Self {
-        let device = Device::with_options(&ContextOptions { device: None, validation: false }).unwrap();
-        let loaded = LoadedScene::new(&device, &scene, &Quiet).unwrap();
-        let session = Session::new(&device, &loaded, settings).unwrap();
-        Self { _device: device, session, scene }
-    }
-
-    fn frame(&mut self, view: View) -> Pixels {
-        let pose = self.scene.pose(0.0);
-        self.session.frame(&FrameInputs { view, pose: &pose, reset: false }).unwrap();
-        self.session.color().unwrap()
-    }
-}
-
-/// Frames of one scene from one view; the last one.
-fn render(scene: Scene, settings: &Settings, view: View, frames: u32) -> Pixels {
-    let mut stage = Stage::new(scene, settings);
-    (0..frames).map(|_| stage.frame(view)).last().unwrap()
-}
 
 /// All methods, with 32-bit output.
 fn methods(size: [u32; 2]) -> [Settings; 4] {
@@ -150,12 +25,6 @@ fn methods(size: [u32; 2]) -> [Settings; 4] {
         Settings { method: Method::Supersample, ..base.clone() },
         Settings { method: Method::Reference, spp: 16, ..base },
     ]
-}
-
-/// Red of each pixel with its place.
-fn reds(pixels: &Pixels) -> impl Iterator<Item = ([u32; 2], f64)> + '_ {
-    let place = |i: usize| [i as u32 % pixels.width, i as u32 / pixels.width];
-    pixels.data.chunks(pixels.channels).enumerate().map(move |(i, p)| (place(i), f64::from(p[0])))
 }
 
 /// Balls of every roughness, plastic above and metal below, in a furnace.

@@ -121,6 +121,12 @@ fn wrong_words_are_usage_errors_that_name_the_option() {
         (&["compare", "a", "b", "--exposure", "99"], "--exposure"),
         (&["compare", "a", "b", "--ppd", "0"], "--ppd"),
         (&["info", "--size", "x"], "--size"),
+        (&["info", "builtin:cornell", "--model", "some"], "--model"),
+        (&["render", "--aperture", "-0.1"], "from 0 to 1000"),
+        (&["render", "--focus", "0"], "--focus"),
+        (&["render", "--blades", "2"], "from 3 to 16"),
+        (&["trade", "builtin:cornell", "--aperture", "0.1"], "--aperture"),
+        (&["render", "builtin:penumbra?light=801"], "from 0 to 800"),
         (&["info", "builtin:teapot"], "teapot"),
     ];
     let wrong: Vec<String> = cases

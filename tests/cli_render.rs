@@ -205,6 +205,40 @@ fn info_tells_of_devices_scene_and_memory() {
     assert!(names(dir.path()).is_empty());
 }
 
+#[test]
+fn info_tells_what_is_modelled_and_what_is_left_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let line = |arguments: &str, part: &str| {
+        let text = String::from_utf8(run(dir.path(), arguments).stdout).unwrap();
+        let lines: Vec<String> = text.lines().filter(|l| l.contains(part)).map(str::to_owned).collect();
+        lines.first().cloned().unwrap_or_else(|| panic!("no {part} in\n{text}"))
+    };
+    let soft = "info builtin:penumbra --size 40x30";
+    assert!(line(soft, "area lights").contains("light 'lamp'"));
+    assert!(line(soft, "lights with an extent").contains("light 'lamp'"));
+    assert!(line(soft, "an aperture").contains("left out"));
+    assert!(line("info builtin:penumbra?light=0 --size 40x30", "lights with an extent").contains("left out"));
+    assert!(line("info builtin:cornell --size 40x30 --model all", "an aperture").contains("model = all"));
+    // What it costs in memory is told as well.
+    assert!(line(soft, "sample seeds").contains('B'));
+}
+
+#[test]
+fn a_lens_is_asked_for_on_the_command_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let render = |name: &str, more: &str| {
+        run(dir.path(), &format!("render builtin:cornell --size 48x32 --out {name} --quiet {more}"));
+        std::fs::read(dir.path().join(name).join("frame_0000.png")).unwrap()
+    };
+    let sharp = render("a", "");
+    assert!(sharp == render("b", "--aperture 0"));
+    assert!(sharp != render("c", "--aperture 1 --focus 4"));
+    assert!(render("d", "--aperture 1 --focus 4 --blades 3") != render("e", "--aperture 1 --focus 4"));
+    // In a placed camera too.
+    let placed = "--camera 0,2.7,10:0,2.7,0";
+    assert!(render("f", placed) != render("g", &format!("{placed} --aperture 1 --focus 4")));
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_leaves_whole_frames_only() {

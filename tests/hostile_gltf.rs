@@ -120,11 +120,11 @@ fn everything() -> File {
     });
     file.json["samplers"] = json!([{ "magFilter": 9728, "wrapS": 33071, "wrapT": 33648 }]);
     file.json["textures"][0]["sampler"] = json!(0);
-    file.json["cameras"] =
-        json!([{ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1, "aspectRatio": 1 } }]);
+    file.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1, "aspectRatio": 1 },
+            "extras": { "stillray": { "aperture": 0.1, "focus": 3, "blades": 5 } } }]);
     file.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [
         { "type": "spot", "intensity": 9, "range": 3, "color": [1, 1, 0], "spot": { "innerConeAngle": 0.1, "outerConeAngle": 1 } },
-        { "type": "directional" },
+        { "type": "directional", "extras": { "stillray": { "shape": "disc", "width": 0.5, "height": 2 } } },
     ] } });
     file.json["nodes"] = json!([
         { "mesh": 0, "children": [1, 2], "rotation": [0, 0, 0, 1], "scale": [1, 2, 3], "translation": [1, 1, 1] },

@@ -14,7 +14,7 @@ fn a_kernel_reads_and_writes() {
     let mut counters = bytes_of(&Counters::zeroed()).to_vec();
     let mut arguments = [Argument::Buffer(&mut frame), Argument::Buffer(&mut tiles), Argument::Buffer(&mut counters)];
     let push = shaders::scan::Push { tile_count: 4 };
-    kernel::run(&context, &shaders::scan::SHADER, &mut arguments, bytes_of(&push), [256, 1, 1]).unwrap();
+    kernel::run(&context, shaders::scan::SHADER, &mut arguments, bytes_of(&push), [256, 1, 1]).unwrap();
     assert_eq!(cast_slice::<u8, u32>(&tiles), [0, 3, 3, 8]);
     assert_eq!(bytemuck::pod_read_unaligned::<Counters>(&counters).samples, 15);
     support::assert_clean(&context);

@@ -50,7 +50,7 @@ fn quarter_pixels_hold_four_samples_at_most_and_take_a_quarter_of_the_claims() {
     let settings =
         |subpixels| Settings { size: [64, 48], density: 4.0, tolerance: 0.0625, subpixels, ..Settings::default() };
     let mut sessions = [2, 4].map(|subpixels| rig.session(&settings(subpixels)));
-    let claims = [2, 4].map(|subpixels| Storage::new(&settings(subpixels)).claims);
+    let claims = [2, 4].map(|subpixels| Storage::new(&settings(subpixels), 0).claims);
     assert_eq!(4 * claims[0], claims[1]);
     for i in 0..6 {
         let [coarse, fine] = [0, 1].map(|k| rig.frame(&mut sessions[k], Motion::Orbit, i));

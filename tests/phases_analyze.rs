@@ -61,7 +61,7 @@ fn random_frame(random: &mut Random, size: [u32; 2]) -> Frame {
 #[test]
 fn plans_tiles_and_counts_are_the_twins() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::analyze::SHADER);
+    let kernel = Kernel::new(&context, shaders::analyze::SHADER);
     for (seed, size) in SIZES.into_iter().cycle().take(32).enumerate() {
         let random = &mut Random::new(seed as u32);
         let masks = random_masks(random, size);
@@ -84,8 +84,8 @@ fn plans_tiles_and_counts_are_the_twins() {
 #[test]
 fn the_two_runs_of_a_frame_with_a_fill_are_the_twins() {
     let context = support::validated_context();
-    let keep = Kernel::new(&context, &shaders::analyze_keep::SHADER);
-    let fill = Kernel::new(&context, &shaders::analyze_fill::SHADER);
+    let keep = Kernel::new(&context, shaders::analyze_keep::SHADER);
+    let fill = Kernel::new(&context, shaders::analyze_fill::SHADER);
     for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
         let random = &mut Random::new(seed as u32);
         let masks = random_masks(random, size);
@@ -104,7 +104,7 @@ fn the_two_runs_of_a_frame_with_a_fill_are_the_twins() {
 #[test]
 fn uniform_frames_are_the_twins() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::analyze::SHADER);
+    let kernel = Kernel::new(&context, shaders::analyze::SHADER);
     let targets = [(1.0, 1.0), (0.0625, 0.0625), (16.0, 0.0625), (0.3, 0.2), (4.0, 16.0), (2.5, 0.5)];
     for (i, (d_target, d_tolerance)) in targets.into_iter().enumerate() {
         for word in [0, 0xffff, 0xffff_ffff, 0x0001_0001, 0x0001, 0x8421_8421, 0x00ff_ffff] {
@@ -146,7 +146,7 @@ fn plan_with(frame: &Frame, masks: &[u32], seen: impl Fn(u32) -> u32, turn: u32)
 #[test]
 fn wrong_twins_are_caught() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::analyze::SHADER);
+    let kernel = Kernel::new(&context, shaders::analyze::SHADER);
     let random = &mut Random::new(9);
     let size = [64, 40];
     let masks = random_masks(random, size);

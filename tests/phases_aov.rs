@@ -122,11 +122,11 @@ fn on_device(context: &Context, kernel: &Kernel, inputs: &Inputs, [stable, fill,
 fn images_agree_with_the_twin() {
     let context = support::validated_context();
     let shaders = [
-        (&shaders::aov::SHADER, false, false, false),
-        (&shaders::aov_stable::SHADER, true, false, false),
-        (&shaders::aov_age::SHADER, true, false, true),
-        (&shaders::aov_stable::SHADER, true, true, false),
-        (&shaders::aov_age::SHADER, true, true, true),
+        (shaders::aov::SHADER, false, false, false),
+        (shaders::aov_stable::SHADER, true, false, false),
+        (shaders::aov_age::SHADER, true, false, true),
+        (shaders::aov_stable::SHADER, true, true, false),
+        (shaders::aov_age::SHADER, true, true, true),
     ];
     for (shader, stable, fill, aged) in shaders {
         let kernel = Kernel::new(&context, shader);
@@ -143,7 +143,7 @@ fn images_agree_with_the_twin() {
 #[test]
 fn the_comparison_notices_one_sample_and_one_bit() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::aov_age::SHADER);
+    let kernel = Kernel::new(&context, shaders::aov_age::SHADER);
     let mut inputs = Inputs::random(&mut Random::new(12), [32, 24]);
     let device = on_device(&context, &kernel, &inputs, [true, false, true]);
     let twin = |inputs: &Inputs| aov(inputs.size, inputs.slots(false), &inputs.shaded, Some(inputs.cache(true)));

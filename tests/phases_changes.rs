@@ -123,8 +123,8 @@ impl Inputs {
 #[test]
 fn images_agree_with_the_twin() {
     let context = support::validated_context();
-    let plain = &shaders::changes::SHADER;
-    let stable = &shaders::changes_stable::SHADER;
+    let plain = shaders::changes::SHADER;
+    let stable = shaders::changes_stable::SHADER;
     for (shader, stable, fill) in [(plain, false, false), (stable, true, false), (stable, true, true)] {
         let kernel = Kernel::new(&context, shader);
         let random = &mut Random::new(11);
@@ -142,7 +142,7 @@ fn images_agree_with_the_twin() {
 #[test]
 fn the_comparison_notices_each_kind_of_change() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::changes_stable::SHADER);
+    let kernel = Kernel::new(&context, shaders::changes_stable::SHADER);
     let inputs = Inputs::random(&mut Random::new(12), [32, 24], false);
     let device = inputs.on_device(&context, &kernel, true);
     assert_eq!(device, inputs.twin(true));

@@ -8,12 +8,13 @@ use bytemuck::{Zeroable, bytes_of, cast_slice};
 use stillray::oracle::analyze;
 use stillray::oracle::append::{Appended, append};
 use stillray::oracle::scan::{scan_fill, thinned};
+use stillray::oracle::seed::appended_seeds;
 use stillray::oracle::survey::survey;
 use stillray::shaders::{
-    self, Counters, FOUND_LOST, FRAME_QUARTERS, Found, Frame, NEW_INSTANCE, NO_SOURCE, OCCLUDED_BIT, SKY_INSTANCE,
-    Sample,
+    self, Counters, FOUND_LOST, FRAME_QUARTERS, Found, Frame, MODEL_AGE, MODEL_SEED, MODEL_SOURCE, NEW_INSTANCE,
+    NO_SOURCE, OCCLUDED_BIT, SKY_INSTANCE, Sample,
 };
-use support::kernel::{Kernel, blank, data, values};
+use support::kernel::{Bound, Kernel, blank, data, values};
 use support::masks::random_masks;
 use support::random::{Random, SIZES};
 
@@ -86,8 +87,15 @@ impl Decided {
         append(&i.frame, &self.counters, &i.masks, &self.plan, &i.offsets, &i.samples, &i.found)
     }
 
-    /// With ages, with sources, or with both if there are `further` bindings.
-    fn on_device(&self, kernel: &Kernel, further: usize) -> Appended {
+    /// What the first further binding holds afterwards.
+    fn words(&self, kernel: &Kernel) -> Vec<u32> {
+        let mut bound = self.bound(1);
+        let [width, height] = self.inputs.frame.size;
+        kernel.run(&mut bound, &[], [width, height, 1]);
+        values(&bound[9])
+    }
+
+    fn bound(&self, further: usize) -> Vec<Bound<'static>> {
         let i = &self.inputs;
         let mut bound = vec![
             data(&[i.frame]),
@@ -101,6 +109,13 @@ impl Decided {
             data(&i.found),
         ];
         bound.extend((0..further).map(|_| data(&vec![9_u32; i.samples.len()])));
+        bound
+    }
+
+    /// With ages, with sources, or with both if there are `further` bindings.
+    fn on_device(&self, kernel: &Kernel, further: usize) -> Appended {
+        let i = &self.inputs;
+        let mut bound = self.bound(further);
         kernel.run(&mut bound, &[], [i.frame.size[0], i.frame.size[1], 1]);
         for words in &bound[9..] {
             let words: Vec<u32> = values(words);
@@ -131,7 +146,7 @@ fn survey_on_device(kernel: &Kernel, inputs: &Inputs) -> (Vec<u32>, Counters) {
 #[test]
 fn what_is_visible_is_the_twins() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::survey::SHADER);
+    let kernel = Kernel::new(&context, shaders::survey::SHADER);
     for (seed, size) in SIZES.into_iter().enumerate() {
         let inputs = Inputs::random(seed as u32, size);
         let device = survey_on_device(&kernel, &inputs);
@@ -152,7 +167,7 @@ fn what_is_visible_is_the_twins() {
 #[test]
 fn sums_behind_a_list_are_the_twins() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::scan_fill::SHADER);
+    let kernel = Kernel::new(&context, shaders::scan_fill::SHADER);
     for (seed, listed) in [(1, 0), (2, 1000), (3, 3_000_000)] {
         for share in [1.0, 0.5, 0.0] {
             let decided = Inputs::random(seed, [97, 61]).decided(1.0);
@@ -176,10 +191,10 @@ fn sums_behind_a_list_are_the_twins() {
 #[test]
 fn the_list_is_the_twins() {
     let context = support::validated_context();
-    let plain = Kernel::new(&context, &shaders::append::SHADER);
-    let aged = Kernel::new(&context, &shaders::append_age::SHADER);
-    let sourced = Kernel::new(&context, &shaders::append_source::SHADER);
-    let both = Kernel::new(&context, &shaders::append_age_source::SHADER);
+    let plain = Kernel::new(&context, shaders::append::SHADER);
+    let aged = Kernel::new(&context, shaders::append::modelling(MODEL_AGE));
+    let sourced = Kernel::new(&context, shaders::append::modelling(MODEL_SOURCE));
+    let both = Kernel::new(&context, shaders::append::modelling(MODEL_AGE | MODEL_SOURCE));
     for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
         let decided = Inputs::random(seed as u32, size).decided([1.0, 0.6, 0.0][seed % 3]);
         let twin = decided.twin();
@@ -191,9 +206,26 @@ fn the_list_is_the_twins() {
 }
 
 #[test]
+fn seeds_behind_a_list_go_on_from_what_is_visible() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, shaders::append::modelling(MODEL_SEED));
+    for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
+        let decided = Inputs::random(seed as u32, size).decided([1.0, 0.6, 0.0][seed % 3]);
+        let i = &decided.inputs;
+        let kept = decided.plan.iter().zip(&i.masks).map(|(plan, mask)| (plan & 0xffff & mask >> 16).count_ones());
+        let added = appended_seeds(&i.frame, &decided.twin().extras, &kept.collect::<Vec<_>>());
+        let seeds = decided.words(&kernel);
+        let (old, new) = seeds.split_at(decided.counters.first as usize);
+        assert!(old.iter().all(|seed| *seed == 9), "those of what was listed before stay");
+        assert_eq!(new[..added.len()], added, "{size:?}");
+    }
+    support::assert_clean(&context);
+}
+
+#[test]
 fn wrong_lists_are_caught() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::append::SHADER);
+    let kernel = Kernel::new(&context, shaders::append::SHADER);
     let mut decided = Inputs::random(2, [64, 40]).decided(1.0);
     let device = decided.on_device(&kernel, 0);
     assert!(same(&device, &decided.twin()));

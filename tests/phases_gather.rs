@@ -12,7 +12,11 @@ use stillray::oracle::camera::{self, pixels_in_order};
 use stillray::oracle::gather::{Gathered, gather};
 use stillray::oracle::reproject::{Reprojected, UNCLAIMED};
 use stillray::oracle::scan::{part_that_fits, scan, thinned};
-use stillray::shaders::{self, Counters, FRAME_QUARTERS, Frame, INSTANCE_MASK, NEW_INSTANCE, OCCLUDED_BIT, Sample};
+use stillray::oracle::seed::gathered_seeds;
+use stillray::shaders::{
+    self, Counters, FRAME_QUARTERS, Frame, INSTANCE_MASK, MODEL_AGE, MODEL_SEED, MODEL_SOURCE, NEW_INSTANCE,
+    OCCLUDED_BIT, Sample,
+};
 use support::kernel::{Kernel, blank, data, values};
 use support::masks::{random_density, random_masks};
 use support::random::{Random, SIZES};
@@ -32,7 +36,7 @@ fn scan_on_device(kernel: &Kernel, capacity: u32, tiles: &[u32]) -> (Vec<u32>, C
 #[test]
 fn prefix_sums_of_any_length() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::scan::SHADER);
+    let kernel = Kernel::new(&context, shaders::scan::SHADER);
     let random = &mut Random::new(1);
     for length in [0, 1, 2, 63, 64, 255, 256, 257, 511, 1000, 4097, 130_000, 518_400] {
         let most = random.pick(&[1, 2, 65, 1025]);
@@ -142,10 +146,10 @@ impl Kernels {
     fn new() -> Self {
         let context = support::validated_context();
         let variants = [
-            &shaders::gather::SHADER,
-            &shaders::gather_age::SHADER,
-            &shaders::gather_source::SHADER,
-            &shaders::gather_age_source::SHADER,
+            shaders::gather::SHADER,
+            shaders::gather::modelling(MODEL_AGE),
+            shaders::gather::modelling(MODEL_SOURCE),
+            shaders::gather::modelling(MODEL_AGE | MODEL_SOURCE),
         ];
         Self { variants: variants.map(|shader| Kernel::new(&context, shader)), context }
     }
@@ -217,6 +221,43 @@ fn lists_are_the_twins() {
     });
     outcome.unwrap();
     support::assert_clean(&kernels.context);
+}
+
+#[test]
+fn kept_samples_keep_their_seeds_and_new_ones_get_their_pixels() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, shaders::gather::modelling(MODEL_SEED));
+    let mut caught = 0;
+    for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
+        let inputs = Inputs::random(seed as u32, size, [1.0, 0.6, 2.0][seed % 3]);
+        let (tiles, counters) = scan(&inputs.frame, &inputs.tiles);
+        let list = inputs.twin();
+        let masks = &inputs.reprojected.masks;
+        let mut bound = vec![
+            data(&[inputs.frame]),
+            data(&inputs.reprojected.claims),
+            data(masks),
+            data(&inputs.plan),
+            data(&tiles),
+            data(&[counters]),
+            data(&inputs.previous),
+            blank::<Sample>(counters.samples as usize),
+            blank::<u32>(inputs.plan.len() + 1),
+            data(&inputs.ages),
+            blank::<u32>(counters.samples as usize),
+        ];
+        kernel.run(&mut bound, &[], [size[0], size[1], 1]);
+        let kept = inputs.plan.iter().zip(masks).map(|(plan, mask)| (plan & 0xffff & mask >> 16).count_ones());
+        let visible: Vec<u32> = kept.collect();
+        let device: Vec<u32> = values(&bound[10]);
+        assert_eq!(device, gathered_seeds(&inputs.frame, &list, &visible, &inputs.ages), "{size:?}");
+        assert_eq!(values::<u32>(&bound[8]), list.offsets);
+        // Negative control: numbered from nothing on.
+        let none = vec![0; visible.len()];
+        caught += usize::from(device != gathered_seeds(&inputs.frame, &list, &none, &inputs.ages));
+    }
+    assert!(caught > 8, "{caught}");
+    support::assert_clean(&context);
 }
 
 #[test]

@@ -7,7 +7,8 @@ use bytemuck::{Zeroable, cast_slice};
 use stillray::oracle::camera::pixels_in_order;
 use stillray::oracle::gather::Gathered;
 use stillray::oracle::generate::{cell, generate, pixel_shift, stratified_position};
-use stillray::shaders::{self, Frame, Sample};
+use stillray::oracle::seed::generated_seeds;
+use stillray::shaders::{self, Frame, MODEL_SEED, Sample};
 use support::kernel::{Kernel, blank, data, values};
 use support::random::{Random, SIZES};
 
@@ -25,7 +26,7 @@ fn same(a: &Gathered, b: &Gathered) -> bool {
 #[test]
 fn samples_are_the_twins() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::generate::SHADER);
+    let kernel = Kernel::new(&context, shaders::generate::SHADER);
     let random = &mut Random::new(1);
     for size in SIZES.into_iter().chain([[2000, 3], [3, 2000]]) {
         for spp in [0, 1, 2, 4, 7, 16] {
@@ -36,6 +37,24 @@ fn samples_are_the_twins() {
             let other = generate(&Frame { jitter: frame.jitter ^ 1, ..frame });
             assert!(spp == 0 || !same(&device, &other));
         }
+    }
+    support::assert_clean(&context);
+}
+
+#[test]
+fn seeds_tell_the_pixel_and_the_number() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, shaders::generate::modelling(MODEL_SEED));
+    for (size, spp) in SIZES.into_iter().zip([1, 2, 4, 7, 16].into_iter().cycle()) {
+        let frame = Frame { size, spp, ..Frame::zeroed() };
+        let pixels = (size[0] * size[1]) as usize;
+        let count = pixels * spp as usize;
+        let mut bound = [data(&[frame]), blank::<Sample>(count), blank::<u32>(pixels + 1), blank::<u32>(count)];
+        kernel.run(&mut bound, &[], [size[0], size[1], 1]);
+        let seeds: Vec<u32> = values(&bound[3]);
+        assert_eq!(seeds, generated_seeds(&frame), "{size:?}");
+        let different: std::collections::HashSet<&u32> = seeds.iter().collect();
+        assert_eq!(different.len(), count, "no two samples are drawn alike");
     }
     support::assert_clean(&context);
 }

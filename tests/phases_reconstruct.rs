@@ -26,7 +26,7 @@ fn twin(inputs: &Inputs, film: Option<&[[f32; 4]]>) -> Vec<[Bounded; 4]> {
 #[test]
 fn films_are_the_twins() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    let kernel = Kernel::new(&context, shaders::reconstruct::SHADER);
     let mut widest: f64 = 0.0;
     for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
         let inputs = Inputs::random(seed as u32, size);
@@ -55,7 +55,7 @@ fn films_are_the_twins() {
 #[test]
 fn the_film_accumulates_until_it_is_reset() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reconstruct_accumulate::SHADER);
+    let kernel = Kernel::new(&context, shaders::reconstruct_accumulate::SHADER);
     let random = &mut Random::new(4);
     for (seed, size) in SIZES.into_iter().enumerate() {
         let mut inputs = Inputs::random(seed as u32, size);
@@ -73,7 +73,7 @@ fn the_film_accumulates_until_it_is_reset() {
 #[test]
 fn samples_behind_the_list_are_those_of_their_pixels() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    let kernel = Kernel::new(&context, shaders::reconstruct::SHADER);
     let random = &mut Random::new(3);
     for (seed, size) in SIZES.into_iter().enumerate() {
         let whole = Inputs::random(seed as u32, size);
@@ -92,8 +92,8 @@ fn samples_behind_the_list_are_those_of_their_pixels() {
 #[test]
 fn motions_are_the_twins() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reconstruct_motion::SHADER);
-    let plain = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    let kernel = Kernel::new(&context, shaders::reconstruct_motion::SHADER);
+    let plain = Kernel::new(&context, shaders::reconstruct::SHADER);
     for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
         let mut inputs = Inputs::random(seed as u32, size);
         let random = &mut Random::new(seed as u32);
@@ -116,7 +116,7 @@ fn motions_are_the_twins() {
 #[test]
 fn a_motion_is_that_of_the_pixels_own_samples_or_else_of_those_around() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reconstruct_motion::SHADER);
+    let kernel = Kernel::new(&context, shaders::reconstruct_motion::SHADER);
     let moving = |x: f32, depth: f32| Shaded {
         motion: u32::from(f16::from_f32(x).to_bits()),
         ..shaded([1.0; 3], [128, 128], depth)
@@ -143,7 +143,7 @@ fn a_motion_is_that_of_the_pixels_own_samples_or_else_of_those_around() {
 #[test]
 fn wrong_twins_are_caught() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    let kernel = Kernel::new(&context, shaders::reconstruct::SHADER);
     let inputs = Inputs::random(2, [40, 30]);
     let device = inputs.on_device(&kernel);
     compare(&device, &twin(&inputs, None)).unwrap();
@@ -164,7 +164,7 @@ fn wrong_twins_are_caught() {
 #[test]
 fn one_sample_is_the_colour_of_all_that_it_reaches() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    let kernel = Kernel::new(&context, shaders::reconstruct::SHADER);
     let middle = [12, 13];
     let color = [0.25, 3.0, 1024.0];
     let inputs =
@@ -190,7 +190,7 @@ fn one_sample_is_the_colour_of_all_that_it_reaches() {
 #[test]
 fn no_sample_is_black_and_a_constant_colour_stays_what_it_is() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reconstruct::SHADER);
+    let kernel = Kernel::new(&context, shaders::reconstruct::SHADER);
     for size in SIZES {
         let empty = Inputs::new(size, |_| Vec::new());
         assert!(empty.on_device(&kernel).iter().all(|sum| *sum == [0.0; 4]));
@@ -268,8 +268,8 @@ fn random_film(random: &mut Random, size: [u32; 2]) -> Vec<[f32; 4]> {
 #[test]
 fn resolve_divides_by_the_weight_and_stays_finite() {
     let context = support::validated_context();
-    let full = Kernel::new(&context, &shaders::resolve_float::SHADER);
-    let half = Kernel::new(&context, &shaders::resolve::SHADER);
+    let full = Kernel::new(&context, shaders::resolve_float::SHADER);
+    let half = Kernel::new(&context, shaders::resolve::SHADER);
     let random = &mut Random::new(8);
     for size in SIZES {
         let film = random_film(random, size);

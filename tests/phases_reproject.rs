@@ -10,14 +10,17 @@ use proptest::test_runner::{Config, TestRunner};
 use std::collections::HashSet;
 use stillray::oracle::bounded::Bounded;
 use stillray::oracle::camera::{self, Projection, subpixel_bit};
+use stillray::oracle::lens::lens_point;
 use stillray::oracle::reproject::{
-    Landing, Reprojected, Subpixel, UNCLAIMED, landing, landing_bounded, reproject, reproject_displaced,
+    Cache, Landing, Reprojected, Subpixel, UNCLAIMED, landing, landing_bounded, reproject, reproject_displaced,
     reproject_nearest,
 };
+use stillray::oracle::seed::{PAIR_LENS, new_seed, seed_pair};
+use stillray::sampler::{Sampler, Strategy, Tiling};
 use stillray::shaders::{
-    self, Counters, FRAME_QUARTERS, FRAME_RESET, Frame, INSTANCE_MASK, Instance, OCCLUDED_BIT, Sample,
+    self, Counters, FRAME_QUARTERS, FRAME_RESET, Frame, INSTANCE_MASK, Instance, MODEL_LENS, OCCLUDED_BIT, Sample,
 };
-use support::kernel::{Kernel, data, values};
+use support::kernel::{Bound, Kernel, data, values};
 use support::random::{Random, SIZES};
 use support::view::View;
 
@@ -50,21 +53,30 @@ fn run(
     if taken {
         bound.push(data(&before.masks));
     }
+    dispatch(kernel, &mut bound, samples.len())
+}
+
+fn dispatch(kernel: &Kernel, bound: &mut [Bound<'_>], samples: usize) -> Reprojected {
     // Two-dimensional as in a frame, with groups to spare.
-    let across = 1 + samples.len() as u32 / 64 / 3;
-    kernel.run(&mut bound, &[], [64 * across, 4, 1]);
+    let across = 1 + samples as u32 / 64 / 3;
+    kernel.run(bound, &[], [64 * across, 4, 1]);
     Reprojected { claims: values(&bound[4]), masks: values(&bound[5]) }
 }
 
 /// Subpixels that some device could give to another sample than ours does, because of where a sample lands.
 fn uncertain(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> HashSet<Subpixel> {
+    uncertain_through(frame, instances, Cache { samples, lens: &[] })
+}
+
+fn uncertain_through(frame: &Frame, instances: &[Instance], cache: Cache<'_>) -> HashSet<Subpixel> {
     let mut all = HashSet::new();
-    for sample in samples {
-        match landing_bounded(frame, instances, sample) {
-            Landing::Nowhere => assert_eq!(landing(frame, instances, sample), None),
-            Landing::On(subpixel) => assert_eq!(landing(frame, instances, sample), Some(subpixel)),
+    for (i, sample) in cache.samples.iter().enumerate() {
+        let lens = cache.lens.get(i).copied().unwrap_or_default();
+        match landing_bounded(frame, instances, sample, lens) {
+            Landing::Nowhere => assert_eq!(landing(frame, instances, sample, lens), None),
+            Landing::On(subpixel) => assert_eq!(landing(frame, instances, sample, lens), Some(subpixel)),
             Landing::Among(subpixels) => {
-                if let Some(subpixel) = landing(frame, instances, sample) {
+                if let Some(subpixel) = landing(frame, instances, sample, lens) {
                     assert!(subpixels.contains(&subpixel), "the twin is outside its own bound");
                 }
                 all.extend(subpixels);
@@ -98,6 +110,10 @@ fn compare(flags: u32, device: &Reprojected, twin: &Reprojected, uncertain: &Has
 
 /// What must hold on every subpixel, certain or not: masks say what claims say, and who claims a subpixel reaches it.
 fn consistent(device: &Reprojected, frame: &Frame, instances: &[Instance], samples: &[Sample]) {
+    consistent_through(device, frame, instances, Cache { samples, lens: &[] });
+}
+
+fn consistent_through(device: &Reprojected, frame: &Frame, instances: &[Instance], cache: Cache<'_>) {
     for (slot, &claim) in device.claims.iter().enumerate() {
         let each = camera::subpixels(frame.flags);
         let bits: Vec<u32> = (0..16).filter(|bit| subpixel_bit(*bit, frame.flags) == *bit).collect();
@@ -108,9 +124,10 @@ fn consistent(device: &Reprojected, frame: &Frame, instances: &[Instance], sampl
         if claim == UNCLAIMED {
             continue;
         }
-        let sample = &samples[(claim & INSTANCE_MASK) as usize];
+        let i = (claim & INSTANCE_MASK) as usize;
+        let sample = &cache.samples[i];
         assert_eq!(sample.instance & OCCLUDED_BIT, claim & OCCLUDED_BIT);
-        match landing_bounded(frame, instances, sample) {
+        match landing_bounded(frame, instances, sample, cache.lens.get(i).copied().unwrap_or_default()) {
             Landing::On(there) => assert_eq!(there, (pixel, subpixel)),
             Landing::Among(places) => assert!(places.contains(&(pixel, subpixel))),
             other => panic!("a sample that lands {other:?} has claimed {slot}"),
@@ -121,7 +138,7 @@ fn consistent(device: &Reprojected, frame: &Frame, instances: &[Instance], sampl
 #[test]
 fn random_samples_land_where_the_twin_says() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject::SHADER);
+    let kernel = Kernel::new(&context, shaders::reproject::SHADER);
     let mut subpixels = 0;
     let mut excluded = 0;
     let mut caught = 0;
@@ -157,10 +174,70 @@ fn random_samples_land_where_the_twin_says() {
     support::assert_clean(&context);
 }
 
+/// A view with a lens, samples, and where each is on the lens.
+fn through_a_lens(case: u32, size: [u32; 2], sampler: &Sampler) -> (View, Vec<Sample>, Vec<u32>, Vec<[f32; 2]>) {
+    let random = &mut Random::new(900 + case);
+    let mut view = View::new(random, size, 5);
+    view.frame.lens = [random.between(0.01, 0.5), random.pick(&[0.0, 0.2, 1.0]), [0.0, 6.0][case as usize % 2], 0.0];
+    view.frame.variation = [0, 3][case as usize % 2];
+    let count = (16 * size[0] * size[1]).min(60_000);
+    let samples: Vec<Sample> = (0..count).map(|_| view.random_sample(random, 0.3)).collect();
+    let seeds: Vec<u32> =
+        samples.iter().map(|_| new_seed([random.below(5000), random.below(5000)], random.below(16))).collect();
+    let point = |seed: &u32| lens_point(view.frame.lens, seed_pair(sampler, view.frame.variation, *seed, PAIR_LENS));
+    let lens = seeds.iter().map(point).collect();
+    (view, samples, seeds, lens)
+}
+
+#[test]
+fn through_a_lens_samples_land_where_the_twin_says() {
+    let context = support::validated_context();
+    let shader = |bits| shaders::reproject::modelling(bits);
+    let kernel = Kernel::new(&context, shader(MODEL_LENS));
+    let pinhole = Kernel::new(&context, shader(0));
+    let mut caught = 0;
+    for (case, size) in SIZES.into_iter().chain([[160, 90], [33, 17]]).enumerate() {
+        let strategy = [Strategy::Sobol, Strategy::Sudoku, Strategy::Random][case % 3];
+        let sampler = Sampler::new(strategy, Tiling::Sudoku, 4, case as u32);
+        let (mut view, samples, seeds, lens) = through_a_lens(case as u32, size, &sampler);
+        let run = |frame: &Frame, kernel: &Kernel, seeded: bool| {
+            let counters = Counters { samples: samples.len() as u32, ..Counters::zeroed() };
+            let pixels = (size[0] * size[1]) as usize;
+            let claims = vec![UNCLAIMED; camera::subpixels(frame.flags) * pixels];
+            let mut bound = vec![
+                data(&[*frame]),
+                data(&view.instances),
+                data(&[counters]),
+                data(&samples),
+                data(&claims),
+                data(&vec![0_u32; pixels]),
+            ];
+            if seeded {
+                bound.extend([data(&seeds), data(&sampler.table())]);
+            }
+            dispatch(kernel, &mut bound, samples.len())
+        };
+        let device = run(&view.frame, &kernel, true);
+        let cache = Cache { samples: &samples, lens: &lens };
+        let unsure = uncertain_through(&view.frame, &view.instances, cache);
+        let twin = reproject(&view.frame, &view.instances, cache);
+        compare(view.frame.flags, &device, &twin, &unsure).unwrap();
+        consistent_through(&device, &view.frame, &view.instances, cache);
+        // Negative control: seen through the middle, they land elsewhere.
+        let straight = reproject(&view.frame, &view.instances, &samples);
+        caught += usize::from(compare(view.frame.flags, &device, &straight, &unsure).is_err());
+        // A closed aperture is a pinhole, to the bit.
+        view.frame.lens[0] = 0.0;
+        assert_eq!(run(&view.frame, &kernel, true), run(&view.frame, &pinhole, false));
+    }
+    assert!(caught > SIZES.len() / 2, "{caught}");
+    support::assert_clean(&context);
+}
+
 #[test]
 fn proptest_finds_no_other_outcome() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject::SHADER);
+    let kernel = Kernel::new(&context, shaders::reproject::SHADER);
     let inputs = (any::<u32>(), 1_u32..70, 1_u32..70, 0_usize..8000, 0.0_f32..1.0, 1_usize..9);
     let config = Config { cases: 24, failure_persistence: None, ..Config::default() };
     let outcome = TestRunner::new(config).run(&inputs, |(seed, width, height, count, occluded, instances)| {
@@ -182,7 +259,7 @@ fn proptest_finds_no_other_outcome() {
 #[test]
 fn the_nearer_of_two_wins_where_it_is_asked_for() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject_nearest::SHADER);
+    let kernel = Kernel::new(&context, shaders::reproject_nearest::SHADER);
     let mut caught = 0;
     for (case, size) in SIZES.into_iter().chain([[160, 90]]).enumerate() {
         let random = &mut Random::new(100 + case as u32);
@@ -207,7 +284,7 @@ fn the_nearer_of_two_wins_where_it_is_asked_for() {
 #[test]
 fn who_does_not_get_a_subpixel_takes_the_next_free_one() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject_displaced::SHADER);
+    let kernel = Kernel::new(&context, shaders::reproject_displaced::SHADER);
     let mut displaced = 0;
     for (case, size) in SIZES.into_iter().chain([[160, 90]]).enumerate() {
         let random = &mut Random::new(200 + case as u32);
@@ -216,7 +293,7 @@ fn who_does_not_get_a_subpixel_takes_the_next_free_one() {
         let count = (random.pick(&[2, 8, 20]) * size[0] * size[1]).min(60_000);
         let mut samples: Vec<Sample> = (0..count).map(|_| view.random_sample(random, 0.3)).collect();
         // A sample that lands on a border could displace others, or not: they are left out.
-        samples.retain(|s| matches!(landing_bounded(&view.frame, &view.instances, s), Landing::On(_)));
+        samples.retain(|s| matches!(landing_bounded(&view.frame, &view.instances, s, [0.0; 2]), Landing::On(_)));
         let (frame, instances) = (&view.frame, &view.instances);
         let first = reproject_nearest(frame, instances, &samples);
         let device = run(&kernel, frame, instances, &samples, samples.len() as u32, &first, true);
@@ -229,7 +306,8 @@ fn who_does_not_get_a_subpixel_takes_the_next_free_one() {
             let i = (claim & INSTANCE_MASK) as usize;
             assert!(
                 seen.insert(i)
-                    && landing(frame, instances, &samples[i]).unwrap().0 == slot / camera::subpixels(view.frame.flags)
+                    && landing(frame, instances, &samples[i], [0.0; 2]).unwrap().0
+                        == slot / camera::subpixels(view.frame.flags)
             );
         }
         // The same samples in another order get the same places: a still picture keeps still.
@@ -249,7 +327,7 @@ fn who_does_not_get_a_subpixel_takes_the_next_free_one() {
 #[test]
 fn of_all_on_one_subpixel_the_nearest_unoccluded_one_stays() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject_nearest::SHADER);
+    let kernel = Kernel::new(&context, shaders::reproject_nearest::SHADER);
     let random = &mut Random::new(4);
     let view = View::new(random, [7, 5], 4);
     let at = [0.375, 0.625].map(|inside| 3.0 + inside);
@@ -280,7 +358,7 @@ fn of_all_on_one_subpixel_the_nearest_unoccluded_one_stays() {
 #[test]
 fn extreme_lists_are_no_exception() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject::SHADER);
+    let kernel = Kernel::new(&context, shaders::reproject::SHADER);
     let random = &mut Random::new(7);
     let view = View::new(random, [33, 21], 3);
     let compared = |frame: &Frame, samples: &[Sample], listed: u32| {
@@ -317,7 +395,7 @@ fn extreme_lists_are_no_exception() {
 #[test]
 fn all_on_one_subpixel_leave_the_oldest_unoccluded() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject::SHADER);
+    let kernel = Kernel::new(&context, shaders::reproject::SHADER);
     for size in [[1, 1], [7, 5], [64, 64], [1, 100]] {
         let random = &mut Random::new(size[0]);
         let view = View::new(random, size, 4);
@@ -352,7 +430,7 @@ fn all_on_one_subpixel_leave_the_oldest_unoccluded() {
 #[test]
 fn samples_on_borders_stay_in_reach() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject::SHADER);
+    let kernel = Kernel::new(&context, shaders::reproject::SHADER);
     for size in [[1, 1], [7, 5], [97, 61]] {
         let random = &mut Random::new(size[1]);
         let view = View::new(random, size, 4);
@@ -375,7 +453,7 @@ fn positions_that_are_no_numbers_do_no_harm() {
     // No cached sample has such a position, and shaders may assume that there are none: nothing is said about where they
     // land, but they write nowhere else, and do not touch what others claim.
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::reproject::SHADER);
+    let kernel = Kernel::new(&context, shaders::reproject::SHADER);
     let random = &mut Random::new(5);
     let view = View::new(random, [33, 21], 3);
     let broken = |random: &mut Random| {
@@ -389,7 +467,7 @@ fn positions_that_are_no_numbers_do_no_harm() {
     for (slot, &claim) in device.claims.iter().enumerate().filter(|c| *c.1 != UNCLAIMED) {
         let sample = &samples[(claim & INSTANCE_MASK) as usize];
         assert!(
-            matches!(landing_bounded(&view.frame, &view.instances, sample), Landing::Anywhere),
+            matches!(landing_bounded(&view.frame, &view.instances, sample, [0.0; 2]), Landing::Anywhere),
             "{slot} {sample:?}"
         );
     }

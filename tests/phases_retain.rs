@@ -118,7 +118,7 @@ fn same(a: &Outcome, b: &Outcome) -> bool {
 #[test]
 fn outcomes_are_the_twins() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::retain::SHADER);
+    let kernel = Kernel::new(&context, shaders::retain::SHADER);
     for (seed, size) in SIZES.into_iter().enumerate() {
         for most in [0, 1, 5, 16] {
             let mut inputs = Inputs::random(seed as u32, size, most, &ALL);
@@ -147,7 +147,7 @@ fn outcomes_are_the_twins() {
 #[test]
 fn wrong_rules_are_caught() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::retain::SHADER);
+    let kernel = Kernel::new(&context, shaders::retain::SHADER);
     let inputs = Inputs::random(3, [30, 30], 6, &ALL);
     let device = inputs.on_device(&kernel);
     let mut last_ulp = inputs.twin();

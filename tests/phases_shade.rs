@@ -9,14 +9,15 @@ mod support;
 use bytemuck::bytes_of;
 use half::f16;
 use rayon::prelude::*;
-use stage_support::{Gallery, Theatre};
+use stage_support::{Draw, Gallery, Theatre};
 use stillray::gpu::Context;
 use stillray::oracle::bounded::Bounded;
 use stillray::oracle::camera::Projection;
 use stillray::oracle::shade::kernel::{Shading, shade};
 use stillray::oracle::verify::verify;
 use stillray::shaders::{
-    self, Counters, FOUND_LOST, Found, MOTION_UNKNOWN, OCCLUDED_BIT, SKY_INSTANCE, Sample, Shaded,
+    self, Counters, FOUND_LOST, Found, MODEL_AREA, MODEL_LENS, MOTION_UNKNOWN, OCCLUDED_BIT, SKY_INSTANCE, Sample,
+    Shaded,
 };
 use support::kernel::{Kernel, blank, data, values};
 use support::random::Random;
@@ -36,12 +37,20 @@ struct Entry {
 struct Device {
     context: Context,
     kernel: Kernel,
+    draw: Option<Draw>,
 }
 
 impl Device {
     fn new() -> Self {
         let context = support::validated_context();
-        Self { kernel: Kernel::new(&context, &shaders::shade::SHADER), context }
+        Self { kernel: Kernel::new(&context, shaders::shade::SHADER), context, draw: None }
+    }
+
+    /// Of what models a lens and lights that have an extent.
+    fn wide(draw: Draw) -> Self {
+        let context = support::validated_context();
+        let shader = shaders::shade::modelling(MODEL_LENS | MODEL_AREA);
+        Self { kernel: Kernel::new(&context, shader), context, draw: Some(draw) }
     }
 
     fn run(&self, theatre: &Theatre, entries: &[Entry]) -> Vec<Shaded> {
@@ -65,6 +74,7 @@ impl Device {
             data(&padded.iter().map(|e| e.lit).collect::<Vec<_>>()),
             blank::<Shaded>(padded.len()),
         ];
+        bound.extend(self.draw.iter().flat_map(|draw| draw.bound(padded.len())));
         self.kernel.run(&mut bound, &[], [(padded.len() as u32).div_ceil(2).next_multiple_of(64), 2, 1]);
         let mut shaded = values::<Shaded>(&bound[14]);
         assert!(shaded.split_off(entries.len()).iter().all(|s| bytes_of(s) == [0xff; 16]));
@@ -217,6 +227,31 @@ fn the_device_shades_as_the_twin_does() {
         assert_eq!(problems(&got, &want[..count]).next(), None, "{count} entries");
     }
     support::assert_clean(&device.context);
+}
+
+#[test]
+fn through_a_lens_and_under_wide_lights_the_device_shades_as_the_twin_does() {
+    for seed in 0..4 {
+        let random = &mut Random::new(30 + seed);
+        let wide = || Theatre::wide(SIZE, &mut Random::new(40 + seed));
+        let device = Device::wide(Draw::random(random));
+        let draw = device.draw.as_ref().unwrap();
+        let seen = wide().drawn(draw);
+        let list = random_list(&seen, seed, 4000);
+        let got = device.run(&wide(), &list);
+        if let Some((i, what)) = problems(&got, &twins(&seen, &list)).next() {
+            let n = problems(&got, &twins(&seen, &list)).count();
+            panic!("{what} of {:?}: {:?} against {:?}; {n} wrong", list[i], got[i], twins(&seen, &list)[i]);
+        }
+        // Negative controls: the middle of the lights, and of the lens.
+        let problem_of = |theatre: &Theatre, what: &str| problems(&got, &twins(theatre, &list)).any(|(_, p)| p == what);
+        assert!(problem_of(&Theatre { lens: seen.lens, ..wide() }, "colour"));
+        assert!(problem_of(&Theatre { lens: [0.0; 2], ..wide().drawn(draw) }, "place"));
+        // Without either nothing changes, to the bit.
+        let plain = Theatre::new(SIZE);
+        assert!(device.run(&plain, &list) == Device::new().run(&plain, &list));
+        support::assert_clean(&device.context);
+    }
 }
 
 #[test]

@@ -8,13 +8,16 @@ mod support;
 use bytemuck::bytes_of;
 use glam::Vec3;
 use rayon::prelude::*;
-use stage_support::{Gallery, Theatre};
+use stage_support::{Draw, Gallery, Theatre};
 use std::cell::Cell;
 use stillray::gpu::Context;
 use stillray::oracle::shadow::{Outcome, chosen_lights, light_weight, shadow, shadow_query};
 use stillray::oracle::traverse::{Intersection, Query, any_with_alpha};
 use stillray::oracle::verify::verify;
-use stillray::shaders::{self, Counters, FOUND_LOST, Found, Frame, HIT_SKY, INFINITY_BITS, Light, OCCLUDED_BIT};
+use stillray::shaders::{
+    self, Counters, FOUND_LOST, Found, Frame, HIT_SKY, INFINITY_BITS, Light, MODEL_ALPHA, MODEL_AREA, MODEL_LENS,
+    OCCLUDED_BIT,
+};
 use stillray::shaders::{SKY_INSTANCE, Sample};
 use support::kernel::{Kernel, blank, data, values};
 use support::random::Random;
@@ -26,13 +29,21 @@ struct Device {
     context: Context,
     kernel: Kernel,
     alpha: bool,
+    draw: Option<Draw>,
 }
 
 impl Device {
     fn new(alpha: bool) -> Self {
         let context = support::validated_context();
-        let shader = if alpha { &shaders::shadow_alpha::SHADER } else { &shaders::shadow::SHADER };
-        Self { kernel: Kernel::new(&context, shader), context, alpha }
+        let shader = shaders::shadow::modelling(if alpha { MODEL_ALPHA } else { 0 });
+        Self { kernel: Kernel::new(&context, shader), context, alpha, draw: None }
+    }
+
+    /// Of what models holes, a lens and lights that have an extent.
+    fn wide(draw: Draw) -> Self {
+        let context = support::validated_context();
+        let shader = shaders::shadow::modelling(MODEL_ALPHA | MODEL_LENS | MODEL_AREA);
+        Self { kernel: Kernel::new(&context, shader), context, alpha: true, draw: Some(draw) }
     }
 
     /// Bits a sample, and the count of rays.
@@ -58,6 +69,7 @@ impl Device {
             bound.extend([data(&geometry.triangles), data(&theatre.materials), data(&geometry.vertices)]);
             bound.extend([gallery.bound(), Gallery::srgb()]);
         }
+        bound.extend(self.draw.iter().flat_map(|draw| draw.bound(padded.len())));
         self.kernel.run(&mut bound, &[], [(padded.len() as u32).div_ceil(2).next_multiple_of(64), 2, 1]);
         let mut bits = values::<u32>(&bound[8]);
         assert!(bits.split_off(found.len()).iter().all(|b| *b == u32::MAX), "written behind the list's end");
@@ -163,6 +175,29 @@ fn the_device_sees_the_lights_that_the_twin_sees() {
         }
         support::assert_clean(&device.context);
     }
+}
+
+#[test]
+fn points_of_lights_are_seen_as_the_twin_sees_them() {
+    let mut differing = 0;
+    for seed in 0..4 {
+        let random = &mut Random::new(80 + seed);
+        let wide = || Theatre::wide(SIZE, &mut Random::new(90 + seed));
+        let device = Device::wide(Draw::random(random));
+        let seen = wide().drawn(device.draw.as_ref().unwrap());
+        let list = random_list(&seen, seed, 4000);
+        let got = device.run(&wide(), &list);
+        differing += compare(&seen, true, &list, &twins(&seen, &list, true), &got).unwrap();
+        // Negative control: the middle of each light.
+        let middle = Theatre { lens: seen.lens, ..wide() };
+        assert!(compare(&middle, true, &list, &twins(&middle, &list, true), &got).is_err());
+        // Without a lens and extents nothing changes, to the bit.
+        let plain = Theatre::new(SIZE);
+        assert!(device.run(&plain, &list) == Device::new(true).run(&plain, &list));
+        support::assert_clean(&device.context);
+    }
+    println!("{differing} bits of 16000 samples differ");
+    assert!(differing * 1000 <= 16_000, "{differing}");
 }
 
 fn is_visible(found: &Found) -> bool {

@@ -27,10 +27,10 @@ struct Device {
 impl Device {
     fn new(context: &Context, precision: Precision, float_output: bool) -> Self {
         let shader = match (precision, float_output) {
-            (Precision::Half, false) => &shaders::temporal::SHADER,
-            (Precision::Half, true) => &shaders::temporal_float::SHADER,
-            (Precision::Float, false) => &shaders::temporal_precise::SHADER,
-            (Precision::Float, true) => &shaders::temporal_precise_float::SHADER,
+            (Precision::Half, false) => shaders::temporal::SHADER,
+            (Precision::Half, true) => shaders::temporal_float::SHADER,
+            (Precision::Float, false) => shaders::temporal_precise::SHADER,
+            (Precision::Float, true) => shaders::temporal_precise_float::SHADER,
         };
         Self { context: context.clone(), kernel: Kernel::new(context, shader), precision, float_output }
     }
@@ -392,7 +392,7 @@ struct Averager {
 
 impl Averager {
     fn new(context: &Context, float: bool, size: [u32; 2], frames: usize) -> Self {
-        let shader = if float { &shaders::average_float::SHADER } else { &shaders::average::SHADER };
+        let shader = if float { shaders::average_float::SHADER } else { shaders::average::SHADER };
         let texel = if float { 16 } else { 8 };
         // What was there before the first frame is no number.
         let history = vec![0xff; (size[0] * size[1]) as usize * (frames - 1) * texel];

@@ -23,7 +23,7 @@ struct Kernels([Kernel; 3]);
 
 impl Kernels {
     fn new(context: &Context) -> Self {
-        let shaders = [&shaders::nearest::SHADER, &shaders::nearest_index::SHADER, &shaders::track::SHADER];
+        let shaders = [shaders::nearest::SHADER, shaders::nearest_index::SHADER, shaders::track::SHADER];
         Self(shaders.map(|shader| Kernel::new(context, shader)))
     }
 
@@ -61,7 +61,7 @@ impl Kernels {
 
 /// Pixels that some device could give to another point than ours does, because of where a point lands.
 fn uncertain(view: &View, previous: &[Sample]) -> HashSet<usize> {
-    let pixels = |sample| match landing_bounded(&view.frame, &view.instances, sample) {
+    let pixels = |sample| match landing_bounded(&view.frame, &view.instances, sample, [0.0; 2]) {
         Landing::Nowhere => HashSet::new(),
         Landing::On(_) => HashSet::new(),
         Landing::Among(places) => {

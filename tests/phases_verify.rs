@@ -8,12 +8,15 @@ mod support;
 use bytemuck::bytes_of;
 use glam::DVec3;
 use rayon::prelude::*;
-use stage_support::{BLENDED, Gallery, MASKED, Theatre};
+use stage_support::{BLENDED, Draw, Gallery, MASKED, Theatre};
 use std::collections::BTreeMap;
 use stillray::gpu::Context;
 use stillray::oracle::traverse::reference::intersect;
 use stillray::oracle::verify::{Outcome, query, verify};
-use stillray::shaders::{self, Counters, FOUND_LOST, Found, HIT_SKY, INSTANCE_MASK, NEW_INSTANCE, OCCLUDED_BIT};
+use stillray::shaders::{
+    self, Counters, FOUND_LOST, Found, HIT_SKY, INSTANCE_MASK, MODEL_ALPHA, MODEL_AREA, MODEL_LENS, NEW_INSTANCE,
+    OCCLUDED_BIT,
+};
 use stillray::shaders::{SKY_INSTANCE, Sample};
 use support::kernel::{Kernel, blank, data, values};
 use support::random::Random;
@@ -26,13 +29,21 @@ struct Device {
     context: Context,
     kernel: Kernel,
     alpha: bool,
+    draw: Option<Draw>,
 }
 
 impl Device {
     fn new(alpha: bool) -> Self {
         let context = support::validated_context();
-        let shader = if alpha { &shaders::verify_alpha::SHADER } else { &shaders::verify::SHADER };
-        Self { kernel: Kernel::new(&context, shader), context, alpha }
+        let shader = shaders::verify::modelling(if alpha { MODEL_ALPHA } else { 0 });
+        Self { kernel: Kernel::new(&context, shader), context, alpha, draw: None }
+    }
+
+    /// Of what models holes, a lens and lights that have an extent.
+    fn wide(draw: Draw) -> Self {
+        let context = support::validated_context();
+        let shader = shaders::verify::modelling(MODEL_ALPHA | MODEL_LENS | MODEL_AREA);
+        Self { kernel: Kernel::new(&context, shader), context, alpha: true, draw: Some(draw) }
     }
 
     fn run(&self, theatre: &Theatre, samples: &[Sample]) -> (Vec<Sample>, Vec<Found>) {
@@ -55,6 +66,7 @@ impl Device {
         if self.alpha {
             bound.extend([data(&geometry.vertices), gallery.bound(), Gallery::srgb()]);
         }
+        bound.extend(self.draw.iter().flat_map(|draw| draw.bound(padded.len())));
         // Two rows of workgroups, as an indirect dispatch of a long list has them.
         self.kernel.run(&mut bound, &[], [(padded.len() as u32).div_ceil(2).next_multiple_of(64), 2, 1]);
         let (mut samples, mut found) = (values::<Sample>(&bound[6]), values::<Found>(&bound[7]));
@@ -244,6 +256,30 @@ fn the_device_finds_what_the_twin_finds() {
         }
         support::assert_clean(&device.context);
     }
+}
+
+#[test]
+fn through_a_lens_rays_find_what_the_twin_finds() {
+    let mut differing = 0;
+    for seed in 0..4 {
+        let random = &mut Random::new(50 + seed);
+        let wide = || Theatre::wide(SIZE, &mut Random::new(70 + seed));
+        let device = Device::wide(Draw::random(random));
+        let seen = wide().drawn(device.draw.as_ref().unwrap());
+        let before = samples(&seen, seed, 6000, true);
+        let want = twins(&seen, &before, true);
+        let got = device.run(&wide(), &before);
+        differing += compare(&seen, &before, &want, &got).unwrap();
+        // Negative control: from the middle of the lens.
+        let straight = wide();
+        assert!(compare(&straight, &before, &twins(&straight, &before, true), &got).is_err());
+        // A closed aperture is a pinhole, to the bit.
+        let closed = Theatre::new(SIZE);
+        assert!(device.run(&closed, &before) == Device::new(true).run(&closed, &before));
+        support::assert_clean(&device.context);
+    }
+    println!("{differing} of 24000 not bit for bit");
+    assert!(differing * 1000 <= 24_000, "{differing}");
 }
 
 #[test]

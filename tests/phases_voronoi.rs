@@ -21,7 +21,7 @@ fn twin(inputs: &Inputs) -> Vec<[Bounded; 4]> {
 #[test]
 fn films_are_the_twins() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::voronoi::SHADER);
+    let kernel = Kernel::new(&context, shaders::voronoi::SHADER);
     let random = &mut Random::new(1);
     for (seed, size) in SIZES.into_iter().enumerate() {
         let inputs = Inputs::random(seed as u32, size);
@@ -42,8 +42,8 @@ fn films_are_the_twins() {
 #[test]
 fn motions_are_those_that_equal_weights_keep() {
     let context = support::validated_context();
-    let plain = Kernel::new(&context, &shaders::voronoi::SHADER);
-    let kernel = Kernel::new(&context, &shaders::voronoi_motion::SHADER);
+    let plain = Kernel::new(&context, shaders::voronoi::SHADER);
+    let kernel = Kernel::new(&context, shaders::voronoi_motion::SHADER);
     let random = &mut Random::new(2);
     for (seed, size) in SIZES.into_iter().enumerate() {
         let mut inputs = Inputs::random(seed as u32, size);
@@ -64,7 +64,7 @@ fn motions_are_those_that_equal_weights_keep() {
 #[test]
 fn wrong_twins_are_caught() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::voronoi::SHADER);
+    let kernel = Kernel::new(&context, shaders::voronoi::SHADER);
     let inputs = Inputs::random(4, [40, 30]);
     let device = inputs.on_device(&kernel);
     compare(&device, &twin(&inputs)).unwrap();
@@ -85,7 +85,7 @@ fn wrong_twins_are_caught() {
 #[test]
 fn every_pixel_in_reach_of_a_lone_sample_has_its_colour() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::voronoi::SHADER);
+    let kernel = Kernel::new(&context, shaders::voronoi::SHADER);
     let color = [0.25, 3.0, 1024.0];
     let inputs =
         Inputs::new([25, 25], |pixel| if pixel == [12, 13] { vec![shaded(color, [200, 3], 1.0)] } else { Vec::new() });
@@ -112,7 +112,7 @@ fn every_pixel_in_reach_of_a_lone_sample_has_its_colour() {
 #[test]
 fn a_picture_that_is_one_everywhere_stays_so_to_the_bit() {
     let context = support::validated_context();
-    let kernel = Kernel::new(&context, &shaders::voronoi::SHADER);
+    let kernel = Kernel::new(&context, shaders::voronoi::SHADER);
     for (seed, size) in SIZES.into_iter().enumerate() {
         let mut inputs = Inputs::random(seed as u32, size);
         let one = shaded([1.0; 3], [0, 0], 1.0);

@@ -7,7 +7,9 @@ use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::f64::consts::{FRAC_PI_2, PI};
 use stillray::renderer::{Method, Settings};
 use stillray::scene::motion::Motion;
-use stillray::scene::{Camera, Environment, Instance, Light, LightKind, LocalTransform, Material, Mesh, Node, Scene};
+use stillray::scene::{
+    Camera, Environment, Instance, Lens, Light, LightKind, LightShape, LocalTransform, Material, Mesh, Node, Scene,
+};
 use support::rig::Rig;
 
 const SKY: Vec3 = Vec3::new(0.25, 0.5, 0.75);
@@ -46,7 +48,7 @@ fn scene(placed: &[(u32, DAffine3)]) -> Scene {
         instances: (0..placed.len()).map(|i| Instance { node: i + 1, mesh: i }).collect(),
         nodes,
         materials: materials(),
-        cameras: vec![Camera { name: String::new(), node: 0, yfov: 1.0 }],
+        cameras: vec![Camera { name: String::new(), node: 0, yfov: 1.0, lens: Lens::PINHOLE }],
         environment: Environment { radiance: SKY },
         ..Scene::default()
     }
@@ -116,6 +118,7 @@ fn floor_brightness(square: Option<(u32, f64)>) -> f32 {
         color: Vec3::ONE,
         intensity: 100.0,
         range: None,
+        shape: LightShape::Sharp,
     };
     scene.lights = vec![lamp];
     let rig = Rig::new(scene);

@@ -56,7 +56,7 @@ impl Buffers {
 
 fn trace(context: &Context, built: &Built, queries: &[Query]) -> Vec<Option<Intersection>> {
     let mut outputs = [vec![0; 4 * queries.len()], vec![0; 16 * queries.len()]];
-    Buffers::new(built, queries).run(context, &shaders::closest::SHADER, &mut outputs);
+    Buffers::new(built, queries).run(context, shaders::closest::SHADER, &mut outputs);
     let instances: &[u32] = cast_slice(&outputs[0]);
     let hits = outputs[1].chunks_exact(16).map(bytemuck::pod_read_unaligned::<Hit>);
     let found = hits.zip(instances).map(|(hit, &instance)| {
@@ -68,7 +68,7 @@ fn trace(context: &Context, built: &Built, queries: &[Query]) -> Vec<Option<Inte
 
 fn occluded(context: &Context, built: &Built, queries: &[Query]) -> Vec<bool> {
     let mut outputs = [vec![0; 4 * queries.len()]];
-    Buffers::new(built, queries).run(context, &shaders::any::SHADER, &mut outputs);
+    Buffers::new(built, queries).run(context, shaders::any::SHADER, &mut outputs);
     cast_slice::<u8, u32>(&outputs[0]).iter().map(|&o| o != 0).collect()
 }
 
@@ -151,7 +151,7 @@ fn speed_for_information() {
             std::hint::black_box(closest(&built.world(), q));
         });
         let twin = queries.len() as f64 / start.elapsed().as_secs_f64() / 1e6;
-        for shader in [&shaders::closest::SHADER, &shaders::any::SHADER] {
+        for shader in [shaders::closest::SHADER, shaders::any::SHADER] {
             let time = |queries: &[Query]| {
                 let mut outputs = vec![vec![0; 4 * queries.len()]];
                 if shader.bindings.len() > 6 {

@@ -1,4 +1,4 @@
-// Pixels, subpixels and the pinhole camera. Twin: src/oracle/camera.rs. No bindings.
+// Pixels, subpixels and the camera. Twin: src/oracle/camera.rs. No bindings.
 //
 // Positions are camera-relative in world axes; pixel coordinates have x to the right and y down, (0, 0) at the corner of
 // the frame and (0.5, 0.5) in the middle of its first pixel.
@@ -57,11 +57,12 @@ float dot_precise(vec3 a, vec3 b) {
 }
 
 // Projects a camera-relative point (or a direction, for the sky). False for what lies behind, or farther from the middle of
-// the frame than `reach` times its border. The comparison precedes the division, so that nothing is ever divided by zero:
-// |x| < z tan reach implies z tan > 0.
-bool project_within(vec4 right, vec4 up, vec3 forward, uvec2 size, vec3 relative, float reach, out vec2 pixel) {
-    float x = dot_precise(right.xyz, relative);
-    float y = dot_precise(up.xyz, relative);
+// the frame than `reach` times its border. `shift` is where a ray from elsewhere on the lens shows it, in metres at its depth.
+// The comparison precedes the division, so that nothing is ever divided by zero: |x| < z tan reach implies z tan > 0.
+bool project_within(
+    vec4 right, vec4 up, vec3 forward, uvec2 size, vec3 relative, vec2 shift, float reach, out vec2 pixel) {
+    precise float x = dot_precise(right.xyz, relative) + shift.x;
+    precise float y = dot_precise(up.xyz, relative) + shift.y;
     float z = dot_precise(forward, relative);
     precise float half_width = z * right.w;
     precise float half_height = z * up.w;
@@ -73,11 +74,6 @@ bool project_within(vec4 right, vec4 up, vec3 forward, uvec2 size, vec3 relative
     precise float py = (0.5 - y / half_height * 0.5) * float(size.y);
     pixel = vec2(px, py);
     return true;
-}
-
-// As above; false outside the frustum.
-bool project(vec4 right, vec4 up, vec3 forward, uvec2 size, vec3 relative, out vec2 pixel) {
-    return project_within(right, up, forward, size, relative, 1.0, pixel);
 }
 
 // Direction through a point of the frame, of length 1 along the viewing direction.

@@ -83,7 +83,6 @@ struct TriangleHit {
     bool back;  // seen from the side on which the vertices run clockwise
 };
 
-const float SMALLEST_NORMAL = 1.1754944e-38;  // 2^-126
 const float SMALLEST_SLOPE = 7.8886091e-31;   // 2^-100
 
 // Watertight test (Woop, Benthin and Wald 2013), both sides, edges and corners included. Whether t is in the ray's interval

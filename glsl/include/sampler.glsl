@@ -18,11 +18,12 @@ uint owen_scramble(uint x, uint seed) {
     return bitfieldReverse(x);
 }
 
-// Point `index` of the sequence of Sobol'.
-uint sobol_point(uint index, uint dimension) {
-    uint x = 0u;
+// Point `index` of the sequence of Sobol' in two dimensions.
+uvec2 sobol_point(uint index, uint dimension) {
+    uvec2 x = uvec2(0u);
     for (; index != 0u; index &= index - 1u) {
-        x ^= sampler_table.data[SAMPLER_DIRECTIONS + 32u * dimension + uint(findLSB(index))];
+        uint at = SAMPLER_DIRECTIONS + 32u * dimension + uint(findLSB(index));
+        x ^= uvec2(sampler_table.data[at], sampler_table.data[at + 32u]);
     }
     return x;
 }
@@ -35,45 +36,53 @@ uint spread_bits(uint n) {
 
 // Pixels in Morton order of blocks of 256 x 256 share out one sequence. What comes after the count a pixel has another
 // scrambling.
-uint sequence_coordinate(uvec2 pixel, uint index, uint dimension) {
+uvec2 sequence_pair(uvec2 pixel, uint index, uint pair) {
     uint log_count = sampler_table.data[SAMPLER_LOG_COUNT];
     uint block = hash_combine(hash_combine(sampler_table.data[SAMPLER_SEED], pixel.x >> 8), pixel.y >> 8);
     uint seed = hash_combine(block, index >> log_count);
     uint place = spread_bits(pixel.x & 255u) | (spread_bits(pixel.y & 255u) << 1);
     uint number = (place << log_count) | (index & ((1u << log_count) - 1u));
-    uint shuffled = owen_scramble(number, hash_uint(seed));
-    return owen_scramble(sobol_point(shuffled, dimension), hash_combine(seed, dimension));
+    uvec2 point = sobol_point(owen_scramble(number, hash_uint(seed)), 2u * pair);
+    uint scrambling = hash_combine(seed, 2u * pair);
+    return uvec2(owen_scramble(point.x, scrambling), owen_scramble(point.y, hash_combine(seed, 2u * pair + 1u)));
 }
 
-// After sixteen samples a pixel goes on with the next pattern; after all 256 with another copy of them.
-uint pattern_coordinate(uvec2 pixel, uint index, uint dimension) {
-    uint tile = (pixel.y & 15u) * 16u + (pixel.x & 15u);
-    uint own = sampler_table.data[SAMPLER_TILE + tile / 4u] >> (8u * (tile & 3u)) & 255u;
-    uint round = index / 16u;
-    uint pattern = (own + round) & 15u;
-    uint point = pattern * 16u + (index & 15u);
-    uint at = sampler_table.data[SAMPLER_POINTS + ((dimension / 2u) * 256u + point) * 2u + (dimension & 1u)];
-    uint seed = sampler_table.data[SAMPLER_SEED];
-    if (seed == 0u && round < 16u) {
-        return at;
-    }
-    uint copy = hash_combine(hash_combine(seed, round / 16u), dimension);
+uint in_cell(uint at, uint copy, uint round, uint point) {
     uint inside = hash_combine(hash_combine(copy, round), point);
     uint cells = 0xffffffffu << (32u - sampler_table.data[SAMPLER_DIGITS]);
     return ((at ^ copy) & cells) | (inside & ~cells);
 }
 
-// Where sample `index` of a pixel lies in a dimension below 16: a fixed-point number, 2^32 to one.
-uint sampler_coordinate(uvec2 pixel, uint index, uint dimension) {
+// After sixteen samples a pixel goes on with the next pattern; after all 256 with another copy of them.
+uvec2 pattern_pair(uvec2 pixel, uint index, uint pair) {
+    uint tile = (pixel.y & 15u) * 16u + (pixel.x & 15u);
+    uint own = sampler_table.data[SAMPLER_TILE + tile / 4u] >> (8u * (tile & 3u)) & 255u;
+    uint round = index / 16u;
+    uint pattern = (own + round) & 15u;
+    uint point = pattern * 16u + (index & 15u);
+    uint first = SAMPLER_POINTS + (pair * 256u + point) * 2u;
+    uvec2 at = uvec2(sampler_table.data[first], sampler_table.data[first + 1u]);
+    uint seed = sampler_table.data[SAMPLER_SEED];
+    if (seed == 0u && round < 16u) {
+        return at;
+    }
+    uint copy = hash_combine(seed, round / 16u);
+    return uvec2(in_cell(at.x, hash_combine(copy, 2u * pair), round, point),
+        in_cell(at.y, hash_combine(copy, 2u * pair + 1u), round, point));
+}
+
+// Where sample `index` of a pixel lies in dimensions 2 `pair` and 2 `pair` + 1, below 16: fixed-point numbers, 2^32 to one.
+uvec2 sampler_pair(uvec2 pixel, uint index, uint pair) {
     uint kind = sampler_table.data[SAMPLER_KIND];
     if (kind == SAMPLER_PATTERNS) {
-        return pattern_coordinate(pixel, index, dimension);
+        return pattern_pair(pixel, index, pair);
     }
     if (kind == SAMPLER_SEQUENCE) {
-        return sequence_coordinate(pixel, index, dimension);
+        return sequence_pair(pixel, index, pair);
     }
     uint h = hash_combine(hash_combine(hash_uint(sampler_table.data[SAMPLER_SEED]), pixel.x), pixel.y);
-    return hash_combine(hash_combine(h, index), dimension);
+    h = hash_combine(h, index);
+    return uvec2(hash_combine(h, 2u * pair), hash_combine(h, 2u * pair + 1u));
 }
 
 #endif

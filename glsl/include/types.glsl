@@ -5,6 +5,15 @@
 #define STILLRAY_TYPES
 
 const uint INFINITY_BITS = 0x7f800000u;  // of a float
+const float SMALLEST_NORMAL = 1.1754944e-38;
+
+// What a frame may need modelled: which variant of each shader runs. A scene that needs nothing pays for nothing.
+const uint MODEL_AGE = 1u;     // samples know how many frames they have lived
+const uint MODEL_SOURCE = 2u;  // samples know which sample of the last frame they were
+const uint MODEL_SEED = 4u;    // samples have coordinates beyond the picture: on the lens, on lights
+const uint MODEL_ALPHA = 8u;   // surfaces have holes
+const uint MODEL_LENS = 16u;   // the camera has an aperture
+const uint MODEL_AREA = 32u;   // some light has an extent
 
 // A cached sample: 16 bytes (paper 1, section 5).
 struct Sample {
@@ -123,16 +132,20 @@ const uint MATERIAL_UNLIT = 8u;
 // A punctual light in a frame.
 struct Light {
     vec3 position;      // camera-relative, metres
-    uint kind;          // LIGHT_* below
+    uint kind;          // LIGHT_POINT, LIGHT_SPOT or LIGHT_DIRECTIONAL
     vec3 direction;     // unit vector along which it shines
     float inv_range2;   // 1 / range^2; 0: no range
     vec3 intensity;     // colour times candela or lux
     float spot_scale;   // 1 / (cos inner - cos outer), guarded
+    vec3 right;         // half its extent across: metres; of a directional light the tangent of its angular radius
     float spot_offset;  // -cos outer * spot_scale
-    uint padding0;
-    uint padding1;
-    uint padding2;
+    vec3 up;            // the same along its other axis
+    uint shape;         // LIGHT_SHARP, LIGHT_RECTANGLE or LIGHT_DISC
 };
+
+const uint LIGHT_SHARP = 0u;  // no extent
+const uint LIGHT_RECTANGLE = 1u;
+const uint LIGHT_DISC = 2u;
 
 const uint LIGHT_POINT = 0u;
 const uint LIGHT_SPOT = 1u;
@@ -179,6 +192,8 @@ struct Frame {
     vec4 previous_up;
     vec4 previous_forward;
     vec4 environment;      // rgb radiance; w: unused
+    vec4 lens;             // x: radius of the aperture, metres; y: 1 / focus distance in metres; z: blades, 0: a disc; w: turn of the blades, 0..1
+    vec4 previous_lens;
     uvec2 size;            // pixels
     uint frame;            // counts from the last reset
     uint seed;
@@ -194,6 +209,10 @@ struct Frame {
     uint jitter;           // methods that keep no samples: varies the sample positions
     uint shadow_rays;      // a sample and frame at most; 0: every light reaches
     float filter_width;    // standard deviation of the reconstruction filter, pixels
+    uint variation;        // of the coordinates of samples on lens and lights: 0 where they belong to the sample
+    uint padding0;
+    uint padding1;
+    uint padding2;
 };
 
 const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut

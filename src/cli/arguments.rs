@@ -9,9 +9,10 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use stillray::metric::sequence::Metric;
 use stillray::renderer::{Aov, Method, Settings};
 use stillray::report::bench::Build;
+use stillray::scene::Lens;
 use stillray::scene::motion::Motion;
 use stillray::settings::knob::Knob;
-use stillray::settings::{Sampling, file as settings_file};
+use stillray::settings::{Modelling, Sampling, file as settings_file};
 
 use super::{Failure, Outcome};
 
@@ -28,6 +29,8 @@ pub struct Source {
     /// 8,2,0:0,3,0 [default: the scene's first]
     #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
     pub camera: Option<String>,
+    #[command(flatten)]
+    pub optics: Optics,
     /// Frames a second of the motion, from 0.001 to 1000
     #[arg(long, value_name = "F", default_value = "30", value_parser = ranged(0.001, 1000.0), allow_negative_numbers = true)]
     pub fps: f64,
@@ -43,6 +46,36 @@ pub struct Source {
     /// No progress and no summary; errors and notes are still told
     #[arg(long)]
     pub quiet: bool,
+}
+
+/// The lens to look through.
+#[derive(Debug, Args)]
+pub struct Optics {
+    /// Diameter of the lens in metres, from 0 (all is in focus) to 1000 [default: the camera's]
+    #[arg(long, value_name = "M", value_parser = ranged(0.0, 1000.0), allow_negative_numbers = true)]
+    pub aperture: Option<f64>,
+    /// Distance in metres that is in focus, from 0.000001 to 1000000000 [default: the camera's, or else infinity]
+    #[arg(long, value_name = "M", value_parser = ranged(1e-6, 1e9), allow_negative_numbers = true)]
+    pub focus: Option<f64>,
+    /// Straight edges of the aperture, from 3 to 16, or 0 for a round one [default: the camera's]
+    #[arg(long, value_name = "N", value_parser = blades, allow_negative_numbers = true)]
+    pub blades: Option<u32>,
+}
+
+impl Optics {
+    /// A camera's lens, but for what was asked for.
+    pub fn of(&self, lens: Lens) -> Lens {
+        Lens {
+            aperture: self.aperture.unwrap_or(lens.aperture),
+            focus: self.focus.unwrap_or(lens.focus),
+            blades: self.blades.unwrap_or(lens.blades),
+        }
+    }
+}
+
+fn blades(text: &str) -> Result<u32, String> {
+    let number = counted(0, 16)(text).ok().filter(|n| *n == 0 || *n >= 3);
+    number.ok_or_else(|| "expected 0 or a whole number from 3 to 16".to_owned())
 }
 
 /// A number from `min` to `max`.
@@ -66,6 +99,11 @@ pub fn size(text: &str) -> Result<[u32; 2], String> {
     let side = counted(1, 16384);
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w).ok()?, side(h).ok()?]));
     sides.ok_or_else(|| "expected width x height in pixels, each from 1 to 16384, such as 640x480".to_owned())
+}
+
+/// What is modelled, by name.
+pub fn modelling() -> impl TypedValueParser<Value = Modelling> {
+    named(Modelling::ALL.map(|(modelling, name)| (name, modelling)))
 }
 
 /// The name of a method.
@@ -111,6 +149,10 @@ pub struct Tuning {
     /// Settings to begin with: a TOML file as `stillray settings` prints it
     #[arg(long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
+    /// What is modelled: what the scene requires, or everything that a scene may require; the frames are the same. Short for
+    /// --set model=WHAT
+    #[arg(long, value_name = "WHAT", value_parser = modelling())]
+    pub model: Option<Modelling>,
     /// Set a knob, as in density=2, however often; `stillray settings` lists all knobs
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub assignments: Vec<String>,
@@ -128,6 +170,7 @@ impl Tuning {
 
     /// What is set by name. A knob that the method has no use for is a mistake, unlike in a file, which has them all.
     pub fn assign(&self, settings: &mut Settings) -> Outcome {
+        settings.modelling = self.model.unwrap_or(settings.modelling);
         for knob in settings_file::assign_all(&self.assignments, settings)? {
             refuse_idle(knob, settings.method, &format!("--set {}", knob.name))?;
         }
@@ -238,7 +281,8 @@ mod tests {
     #[test]
     fn knobs_are_set_in_order_and_only_where_they_mean_something() {
         let tuned = |words: &[&str]| {
-            let tuning = Tuning { settings: None, assignments: words.iter().map(|w| (*w).to_owned()).collect() };
+            let tuning =
+                Tuning { settings: None, model: None, assignments: words.iter().map(|w| (*w).to_owned()).collect() };
             let mut settings = tuning.base().unwrap();
             tuning.assign(&mut settings).map(|()| settings)
         };

@@ -5,12 +5,14 @@ use std::ffi::OsString;
 
 use clap::Args;
 use stillray::headless::{Device, DeviceReport, LoadedScene, MemoryRow, Session};
+use stillray::method::model::Model;
 use stillray::renderer::Settings;
 use stillray::report::table::{Table, bytes, grouped};
 use stillray::scene::Scene;
 use stillray::scene::requirements::{Contents, Requirements, inspect};
+use stillray::settings::Modelling;
 
-use super::arguments::size;
+use super::arguments::{modelling, size};
 use super::{Outcome, console, progress, scenes};
 
 /// List the devices and why each fits or not; of a scene, what it holds and what it needs
@@ -28,6 +30,9 @@ pub struct Info {
     /// Seed of built-in scenes
     #[arg(long, value_name = "S", default_value = "0", allow_negative_numbers = true)]
     seed: u32,
+    /// What is modelled: what the scene requires, or everything that a scene may require
+    #[arg(long, value_name = "WHAT", default_value = "required", value_parser = modelling())]
+    model: Modelling,
     /// No progress
     #[arg(long)]
     quiet: bool,
@@ -42,12 +47,17 @@ impl Info {
         let scene = scenes::load(spec, self.seed)?;
         console::notes(&scene.notices);
         let found = inspect(&scene);
-        let about = format!("{}\n{}", contents(&scene, &found.contents), features(&found));
+        let model = Model::of(&found, &self.settings());
+        let about = format!("{}\n{}\n{}", contents(&scene, &found.contents), features(&found), parts(&model));
         match self.memory(&scene) {
             Ok(memory) => console::print(&format!("{}\n{about}\n{memory}", devices()?)),
             // What the scene holds is known on any machine; that nothing can render it is said after it.
             Err(failure) => console::print(&about).and(Err(failure)),
         }
+    }
+
+    fn settings(&self) -> Settings {
+        Settings { size: self.size, modelling: self.model, ..Settings::default() }
     }
 
     /// The memory that the scene and a `stable` session at 1 sample a pixel take on a real device.
@@ -56,10 +66,18 @@ impl Info {
         let device = Device::open(self.device.as_deref())?;
         let loaded = LoadedScene::new(&device, scene, &*listener)?;
         let scene_alone: BTreeMap<String, u64> = device.context().memory_table().into_iter().collect();
-        let settings = Settings { size: self.size, ..Settings::default() };
-        let session = Session::new(&device, &loaded, &settings)?;
+        let session = Session::new(&device, &loaded, &self.settings())?;
         Ok(memory_table(&session.memory(), &scene_alone, self.size))
     }
+}
+
+fn parts(model: &Model) -> Table {
+    let mut table = Table::new(["a frame models", "at the price of", "because of"]).left();
+    for part in &model.parts {
+        let cause = part.cause.clone().unwrap_or_else(|| "nothing: left out".to_owned());
+        table.row([part.name.to_owned(), part.price.to_owned(), cause]);
+    }
+    table
 }
 
 fn devices() -> Outcome<String> {
@@ -101,9 +119,9 @@ fn contents(scene: &Scene, found: &Contents) -> Table {
     table
 }
 
-/// What the scene needs modelled, and for whose sake.
+/// What the scene uses, and for whose sake.
 fn features(found: &Requirements) -> Table {
-    let mut table = Table::new(["modelled", "because of"]).left();
+    let mut table = Table::new(["the scene uses", "for"]).left();
     for requirement in &found.features {
         // The name that JSON has for it, in words.
         let name = serde_json::to_value(requirement.feature).unwrap_or_default();

@@ -7,7 +7,7 @@ use stillray::Result;
 use stillray::report::table::Table;
 use stillray::scene::motion::Motion;
 use stillray::scene::shot::Shot;
-use stillray::scene::{Pose, Scene, View, builtin, import};
+use stillray::scene::{Lens, Pose, Scene, View, builtin, import};
 
 use super::arguments::Source;
 use super::{Outcome, console};
@@ -24,9 +24,8 @@ pub struct Stage {
 impl Stage {
     /// Loads the scene and finds the camera. What the scene has to be told about is said.
     pub fn load(source: &Source, motion: Motion) -> Outcome<Self> {
-        let scene = load(&source.scene, source.seed)?;
+        let (scene, shot) = looked_at(source, motion)?;
         console::notes(&scene.notices);
-        let shot = Shot::new(&scene, source.camera.as_deref(), motion)?;
         Ok(Self { name: source.scene.to_string_lossy().into_owned(), shot, scene })
     }
 
@@ -44,6 +43,14 @@ impl Stage {
     pub fn motion(&self) -> &'static str {
         self.shot.motion().name()
     }
+}
+
+/// Loads what the user asks for, with the camera and the lens to look at it through.
+pub fn looked_at(source: &Source, motion: Motion) -> Result<(Scene, Shot)> {
+    let mut scene = load(&source.scene, source.seed)?;
+    scene.cameras.iter_mut().for_each(|camera| camera.lens = source.optics.of(camera.lens));
+    let shot = Shot::new(&scene, source.camera.as_deref(), motion)?;
+    Ok((scene, shot.with_lens(source.optics.of(Lens::PINHOLE))))
 }
 
 /// Loads a file or a built-in scene.

@@ -168,9 +168,8 @@ impl Hunt {
     fn run(self) -> Outcome {
         self.check()?;
         interrupt::listen();
-        let scene = scenes::load(&self.source.scene, self.source.seed)?;
+        let (scene, shot) = scenes::looked_at(&self.source, Motion::Static)?;
         console::notes(&scene.notices);
-        let shot = Shot::new(&scene, self.source.camera.as_deref(), Motion::Static)?;
         let device = Device::open(self.source.device.as_deref())?;
         let space = self.space(&scene)?;
         let search = self.search(&scene, &shot, &device, &space);
@@ -199,6 +198,12 @@ impl Hunt {
 
     fn check(&self) -> Outcome {
         check_motions(&self.motions)?;
+        let optics = &self.source.optics;
+        if optics.aperture.is_some() || optics.focus.is_some() || optics.blades.is_some() {
+            // What is found is looked at again later, from the scene's name alone.
+            let message = "a search takes the lens of the scene's camera: leave out --aperture, --focus and --blades";
+            return Err(Failure::Usage(message.to_owned()));
+        }
         if self.shard.count > self.brackets as usize {
             let (n, brackets) = (self.shard.count, self.brackets);
             return Err(Failure::Usage(format!(

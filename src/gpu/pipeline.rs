@@ -78,7 +78,7 @@ fn compile(
     shader: &Shader,
     layout: vk::PipelineLayout,
 ) -> std::result::Result<vk::Pipeline, vk::Result> {
-    let info = vk::ShaderModuleCreateInfo::default().code(shader.spirv);
+    let info = vk::ShaderModuleCreateInfo::default().code(shader.words());
     // SAFETY: the SPIR-V was made by shaderc for Vulkan 1.2, which 1.3 devices accept.
     let module = unsafe { inner.device.create_shader_module(&info, None) }?;
     let stage =

@@ -4,8 +4,9 @@ use super::SLOTS;
 use super::storage::Storage;
 use crate::gpu::buffer::check_range;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Place, Range, Resource};
-use crate::phase::{AovResources, FrameResources, HistoryResources, Memory};
-use crate::settings::{Aov, Settings};
+use crate::phase::{AovResources, FrameResources, HistoryResources, Memory, SeedResources};
+use crate::sampler::Sampler;
+use crate::settings::{Aov, Sampling, Settings};
 use crate::shaders::{Counters, Frame, Instance, Light};
 use crate::{Error, Result};
 use ash::vk;
@@ -22,6 +23,8 @@ pub struct FrameBuffers {
     histories: Vec<Buffer>,
     caches: Vec<Buffer>,
     ages: Vec<Buffer>,
+    seeds: Vec<Buffer>,
+    sampler_table: Option<Buffer>,
     sources: Option<Buffer>,
     reached: Vec<Buffer>,
     counters: Buffer,
@@ -72,6 +75,8 @@ impl FrameBuffers {
             histories: many("history", storage.history, storage.histories)?,
             caches: many("sample caches", storage.samples, storage.caches)?,
             ages: many("sample ages", storage.ages, if storage.ages > 0 { storage.caches } else { 0 })?,
+            seeds: many("sample seeds", storage.seeds, if storage.seeds > 0 { storage.caches } else { 0 })?,
+            sampler_table: if storage.seeds > 0 { Some(sampler_table(context, settings)?) } else { None },
             sources: if storage.memory > 0 { Some(make("sample changes", storage.memory)?) } else { None },
             reached: many("sample changes", storage.memory, if storage.memory > 0 { storage.caches } else { 0 })?,
             counters: make("counters", size_of::<Counters>() as u64)?,
@@ -117,6 +122,7 @@ impl FrameBuffers {
             previous_ages: ages("previous ages", SLOTS - 1 - slot),
             ages: ages("ages", slot),
             memory: self.memory(slot),
+            seeds: self.seeds(slot),
             claims: shared("claims", 0, s.claims),
             masks: Range::whole("masks", &self.masks),
             plan: Range::whole("plan", &self.plan),
@@ -153,6 +159,15 @@ impl FrameBuffers {
         }
     }
 
+    fn seeds(&self, slot: usize) -> Option<SeedResources> {
+        let seeds = |name, slot: usize| Some(Range::whole(name, self.seeds.get(slot % self.seeds.len().max(1))?));
+        Some(SeedResources {
+            previous: seeds("previous seeds", SLOTS - 1 - slot)?,
+            now: seeds("seeds", slot)?,
+            table: Range::whole("sampler table", self.sampler_table.as_ref()?),
+        })
+    }
+
     fn memory(&self, slot: usize) -> Option<Memory> {
         let reached = |name, slot: usize| Some(Range::whole(name, self.reached.get(slot)?));
         Some(Memory {
@@ -175,6 +190,17 @@ impl FrameBuffers {
             changes: image(Aov::Changes)?,
         })
     }
+}
+
+/// Where samples lie on lenses and lights: as many as a pixel has cooperate.
+fn sampler_table(context: &Context, settings: &Settings) -> Result<Buffer> {
+    let count = match settings.method.sampling() {
+        Sampling::Reprojected => settings.density.ceil() as u32,
+        Sampling::Fresh => settings.spp,
+        Sampling::Tracked => 1,
+    };
+    let table = Sampler::new(settings.sampler, settings.tiling, count, settings.seed).table();
+    Buffer::with_data(context, "sampler table", bytemuck::cast_slice(&table), "choose another sampler")
 }
 
 /// An empty cache; or, where every pixel has the same samples, the full list with its dispatch.

@@ -1,8 +1,8 @@
 //! What the host computes for a frame: everything in f64 relative to the camera, rounded once.
 
 use super::storage::Storage;
-use crate::scene::{Environment, Light, LightKind, LightPose, View};
-use crate::settings::{Edges, Filter, Method, Settings};
+use crate::scene::{Environment, Lens, Light, LightKind, LightPose, LightShape, View};
+use crate::settings::{Edges, Filter, Hold, Method, Settings};
 use crate::shaders;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -64,6 +64,8 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         previous_up,
         previous_forward,
         environment: environment.radiance.extend(0.0).to_array(),
+        lens: lens(&moment.view.lens),
+        previous_lens: lens(&moment.previous.lens),
         size: settings.size,
         frame: moment.frame,
         seed: settings.seed,
@@ -79,7 +81,13 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         jitter: variation,
         shadow_rays: settings.shadow_rays,
         filter_width: settings.filter_width,
+        variation: if settings.hold == Hold::Frame { moment.frame + 1 } else { variation },
+        ..Default::default()
     }
+}
+
+fn lens(lens: &Lens) -> [f32; 4] {
+    [(lens.aperture / 2.0) as f32, (1.0 / lens.focus) as f32, lens.blades as f32, 0.0]
 }
 
 /// Whether a view can be rendered from.
@@ -115,6 +123,17 @@ pub fn light(light: &Light, pose: &LightPose, camera: DVec3) -> shaders::Light {
     };
     // KHR_lights_punctual, "Inner and Outer Cone Angles": its own guard against equal angles.
     let spot_scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
+    let (shape, [width, height]) = match light.shape {
+        LightShape::Sharp => (shaders::LIGHT_SHARP, [0.0; 2]),
+        LightShape::Rectangle(size) => (shaders::LIGHT_RECTANGLE, size),
+        LightShape::Disc(size) => (shaders::LIGHT_DISC, size),
+    };
+    // Half a width; or of directional lights the tangent of half an angle.
+    let half = |size: f32| {
+        let half = f64::from(size) / 2.0;
+        if kind == shaders::LIGHT_DIRECTIONAL { half.tan() } else { half }
+    };
+    let [right, up] = [(pose.axes[0], width), (pose.axes[1], height)].map(|(axis, size)| (axis * half(size)).as_vec3());
     let range = light.range.filter(|r| *r > 0.0 && r.is_finite());
     shaders::Light {
         position: (pose.position - camera).as_vec3().to_array(),
@@ -124,7 +143,9 @@ pub fn light(light: &Light, pose: &LightPose, camera: DVec3) -> shaders::Light {
         intensity: (light.color * light.intensity).to_array(),
         spot_scale,
         spot_offset: -outer.cos() * spot_scale,
-        ..Default::default()
+        right: right.to_array(),
+        up: up.to_array(),
+        shape,
     }
 }
 
@@ -134,7 +155,12 @@ mod tests {
     use glam::DQuat;
 
     fn view() -> View {
-        View { position: DVec3::ZERO, rotation: DQuat::IDENTITY, yfov: std::f64::consts::FRAC_PI_2 }
+        View {
+            position: DVec3::ZERO,
+            rotation: DQuat::IDENTITY,
+            yfov: std::f64::consts::FRAC_PI_2,
+            lens: Lens::PINHOLE,
+        }
     }
 
     #[test]
@@ -172,8 +198,13 @@ mod tests {
             color: glam::Vec3::ONE,
             intensity: 2.0,
             range: Some(10.0),
+            shape: LightShape::Sharp,
         };
-        let pose = LightPose { position: far + DVec3::new(0.25, 0.5, 1.0), direction: DVec3::NEG_Z };
+        let pose = LightPose {
+            position: far + DVec3::new(0.25, 0.5, 1.0),
+            direction: DVec3::NEG_Z,
+            axes: [DVec3::X, DVec3::Y],
+        };
         let placed = light(&lamp, &pose, far);
         assert_eq!(placed.position, [0.25, 0.5, 1.0]);
         assert_eq!((placed.intensity, placed.inv_range2), ([2.0; 3], 1.0 / 100.0));

@@ -2,6 +2,7 @@
 
 pub mod buffers;
 pub mod constants;
+pub mod model;
 pub mod plan;
 pub mod ring;
 pub mod storage;

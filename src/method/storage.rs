@@ -20,8 +20,8 @@
 
 use crate::Result;
 use crate::gpu::buffer::within;
-use crate::settings::{Aov, Precision, Sampling, Settings, Temporal};
-use crate::shaders::{Found, Sample, Shaded, Tracked};
+use crate::settings::{Precision, Sampling, Settings, Temporal};
+use crate::shaders::{Found, MODEL_AGE, MODEL_SEED, MODEL_SOURCE, Sample, Shaded, Tracked};
 
 /// Sizes in bytes of everything that belongs to a renderer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +44,8 @@ pub struct Storage {
     pub ages: u64,
     /// Sources of the samples, and as much for what reached each of one cache; 0 if not asked for.
     pub memory: u64,
+    /// Seeds of one cache, 0 if samples have none.
+    pub seeds: u64,
     /// Claims, 0 if samples are not reprojected.
     pub claims: u64,
     /// Masks, and as much again for the plan; 0 if samples are not reprojected.
@@ -82,8 +84,8 @@ pub struct Storage {
 pub const ALIGNMENT: u64 = 256;
 
 impl Storage {
-    /// For these settings.
-    pub fn new(settings: &Settings) -> Self {
+    /// For these settings, where these `MODEL_` bits are modelled.
+    pub fn new(settings: &Settings, model: u32) -> Self {
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
         let tiles = u64::from(settings.size[0].div_ceil(8)) * u64::from(settings.size[1].div_ceil(8));
         let sampling = settings.method.sampling();
@@ -108,8 +110,9 @@ impl Storage {
             occluded_limit: occluded_limit(settings.density),
             samples: capacity * size_of::<Sample>() as u64,
             caches: if settings.method.reprojects() { 2 } else { 1 },
-            ages: if stable && settings.aovs.contains(&Aov::Age) { capacity * 4 } else { 0 },
-            memory: if stable && settings.aovs.contains(&Aov::Changes) { capacity * 4 } else { 0 },
+            ages: if model & MODEL_AGE != 0 { capacity * 4 } else { 0 },
+            memory: if model & MODEL_SOURCE != 0 { capacity * 4 } else { 0 },
+            seeds: if model & MODEL_SEED != 0 { capacity * 4 } else { 0 },
             claims,
             masks: if stable { pixels * 4 } else { 0 },
             tile_sums: if stable { tiles * 4 } else { 0 },
@@ -149,6 +152,7 @@ impl Storage {
             ("the shaded samples", self.shaded),
             ("the film", self.film),
             ("the sample ages", self.ages),
+            ("the samples' seeds", self.seeds),
             ("the history", self.history),
             ("what is remembered of the samples", self.memory),
             ("the pixels' offsets", self.offsets),
@@ -198,7 +202,7 @@ mod tests {
     use crate::settings::Method;
 
     fn too_large(settings: &Settings, limit: u64) -> Option<String> {
-        Storage::new(settings).check(limit).err().map(|e| e.to_string())
+        Storage::new(settings, 0).check(limit).err().map(|e| e.to_string())
     }
 
     #[test]
@@ -213,7 +217,7 @@ mod tests {
         assert!(words.iter().all(|w| error.contains(w)), "{error}");
         // Of quarter pixels the claims are as long as the found hits, the least of what binds 16 bytes a sample is longer.
         let coarse = Settings { subpixels: 2, ..stable.clone() };
-        assert_eq!(Storage::new(&coarse).claims, 16 * 1920 * 1080);
+        assert_eq!(Storage::new(&coarse, 0).claims, 16 * 1920 * 1080);
         let supersample = Settings { method: Method::Supersample, spp: 16, ..stable };
         let error = too_large(&supersample, 1 << 27).unwrap_or_default();
         assert!(error.contains("lower --size or --spp") && !error.contains("density"), "{error}");
@@ -234,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_pixel_at_density_one_costs_less_than_200_bytes() {
-        let s = Storage::new(&Settings { size: [1920, 1080], ..Settings::default() });
+        let s = Storage::new(&Settings { size: [1920, 1080], ..Settings::default() }, 0);
         let image = 8 * s.pixels; // half-float colour
         let total = 2 * s.samples + s.shared + 2 * s.masks + s.tile_sums + s.offsets + image;
         assert!(total < 200 * s.pixels, "{} bytes a pixel", total as f64 / s.pixels as f64);

@@ -69,12 +69,17 @@ fn dot(axis: [f32; 4], p: [f32; 3]) -> f32 {
     axis[0] * p[0] + axis[1] * p[1] + axis[2] * p[2]
 }
 
-/// Projects a camera-relative point (or a direction, for the sky) to pixel coordinates; `None` outside the frustum.
-/// In f32 and in the shader's order: agrees to the bit where the device divides correctly.
+/// As [`project_through`], for a pinhole.
 pub fn project(frame: &Frame, relative: [f32; 3]) -> Option<[f32; 2]> {
+    project_through(frame, relative, [0.0; 2])
+}
+
+/// Projects a camera-relative point (or a direction, for the sky) to pixel coordinates; `None` outside the frustum. `shift` is
+/// [`super::lens::lens_shift`]. In f32 and in the shader's order: agrees to the bit where the device divides correctly.
+pub fn project_through(frame: &Frame, relative: [f32; 3], shift: [f32; 2]) -> Option<[f32; 2]> {
     let z = dot(frame.forward, relative);
-    let x = dot(frame.right, relative);
-    let y = dot(frame.up, relative);
+    let x = dot(frame.right, relative) + shift[0];
+    let y = dot(frame.up, relative) + shift[1];
     let half_width = z * frame.right[3];
     let half_height = z * frame.up[3];
     if !(x.abs() < half_width && y.abs() < half_height) {
@@ -107,16 +112,16 @@ pub fn transform_bounded(rows: &[[f32; 4]; 3], p: [f32; 3]) -> [Bounded; 3] {
 
 /// [`project`] with its error bound: the known answer.
 pub fn project_bounded(frame: &Frame, p: [Bounded; 3]) -> Projection {
-    project_within(frame, p, 1.0)
+    project_within(frame, p, [Bounded::exact(0.0); 2], 1.0)
 }
 
 /// As [`project_bounded`], up to `reach` times as far from the middle of the frame as its border.
-pub fn project_within(frame: &Frame, p: [Bounded; 3], reach: f32) -> Projection {
+pub fn project_within(frame: &Frame, p: [Bounded; 3], shift: [Bounded; 2], reach: f32) -> Projection {
     let dot = |axis: [f32; 4]| {
         let a = axis.map(Bounded::exact);
         a[0] * p[0] + a[1] * p[1] + a[2] * p[2]
     };
-    let (x, y, z) = (dot(frame.right), dot(frame.up), dot(frame.forward));
+    let (x, y, z) = (dot(frame.right) + shift[0], dot(frame.up) + shift[1], dot(frame.forward));
     let half_width = z * Bounded::exact(frame.right[3]);
     let half_height = z * Bounded::exact(frame.up[3]);
     let [across, down] = [half_width, half_height].map(|half| half * Bounded::exact(reach));

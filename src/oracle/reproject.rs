@@ -2,6 +2,7 @@
 
 use super::bounded::Bounded;
 use super::camera::{self, M, Projection};
+use super::lens::{lens_shift, lens_shift_bounded};
 use crate::shaders::{FRAME_RESET, Frame, INSTANCE_MASK, Instance, OCCLUDED_BIT, SKY_INSTANCE, Sample};
 
 /// A subpixel that nothing has claimed.
@@ -14,6 +15,33 @@ pub struct Reprojected {
     pub claims: Vec<u32>,
     /// A word a pixel: occupied subpixels in the low half, those with an unoccluded sample in the high half.
     pub masks: Vec<u32>,
+}
+
+/// The samples of the last frame, the older first, with the point of the lens that each is seen from in this one.
+#[derive(Debug, Clone, Copy)]
+pub struct Cache<'a> {
+    /// The samples.
+    pub samples: &'a [Sample],
+    /// Metres along the axes across and up, one a sample; empty for a pinhole.
+    pub lens: &'a [[f32; 2]],
+}
+
+impl Cache<'_> {
+    fn lens(&self, i: usize) -> [f32; 2] {
+        self.lens.get(i).copied().unwrap_or_default()
+    }
+}
+
+impl<'a> From<&'a [Sample]> for Cache<'a> {
+    fn from(samples: &'a [Sample]) -> Self {
+        Self { samples, lens: &[] }
+    }
+}
+
+impl<'a> From<&'a Vec<Sample>> for Cache<'a> {
+    fn from(samples: &'a Vec<Sample>) -> Self {
+        samples.as_slice().into()
+    }
 }
 
 /// A subpixel of the frame: index of the pixel in list order, and bit index in the pixel.
@@ -34,10 +62,12 @@ pub enum Landing {
 
 /// Reprojects all samples, the older first. Of those that meet on a subpixel an unoccluded one wins over occluded ones,
 /// then the older one.
-pub fn reproject(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> Reprojected {
+pub fn reproject<'a>(frame: &Frame, instances: &[Instance], cache: impl Into<Cache<'a>>) -> Reprojected {
+    let cache = cache.into();
+    let samples = cache.samples;
     let mut out = unclaimed(frame);
     for i in listed(frame, samples) {
-        let Some(place) = landing(frame, instances, &samples[i]) else { continue };
+        let Some(place) = landing(frame, instances, &samples[i], cache.lens(i)) else { continue };
         let occluded = |i: usize| samples[i].instance & OCCLUDED_BIT != 0;
         out.claim(frame.flags, Claim { place, i, occluded: occluded(i) }, |i, holder| {
             (occluded(i), i) < (occluded(holder), holder)
@@ -48,10 +78,12 @@ pub fn reproject(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> R
 
 /// As [`reproject`], but of equally occluded ones the nearer wins; of equally near ones it goes by the bits of their
 /// positions, then by age.
-pub fn reproject_nearest(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> Reprojected {
+pub fn reproject_nearest<'a>(frame: &Frame, instances: &[Instance], cache: impl Into<Cache<'a>>) -> Reprojected {
+    let cache = cache.into();
+    let samples = cache.samples;
     let mut out = unclaimed(frame);
     for i in listed(frame, samples) {
-        let Some(place) = landing(frame, instances, &samples[i]) else { continue };
+        let Some(place) = landing(frame, instances, &samples[i], cache.lens(i)) else { continue };
         let occluded = samples[i].instance & OCCLUDED_BIT != 0;
         out.claim(frame.flags, Claim { place, i, occluded }, |i, holder| {
             precedes(frame, instances, samples, [i, holder])
@@ -62,15 +94,17 @@ pub fn reproject_nearest(frame: &Frame, instances: &[Instance], samples: &[Sampl
 
 /// After [`reproject_nearest`], whose outcome is `first`: samples without a claim try for the next free subpixel of their
 /// pixel, going round, in the same order.
-pub fn reproject_displaced(
+pub fn reproject_displaced<'a>(
     frame: &Frame,
     instances: &[Instance],
-    samples: &[Sample],
+    cache: impl Into<Cache<'a>>,
     first: &Reprojected,
 ) -> Reprojected {
+    let cache = cache.into();
+    let samples = cache.samples;
     let mut out = first.clone();
     for i in listed(frame, samples) {
-        let Some((pixel, subpixel)) = landing(frame, instances, &samples[i]) else { continue };
+        let Some((pixel, subpixel)) = landing(frame, instances, &samples[i], cache.lens(i)) else { continue };
         let holds = first.claims[camera::claim_slot(pixel, subpixel, frame.flags)] & INSTANCE_MASK == i as u32;
         let free = camera::subpixel_bits(frame.flags) & !first.masks[pixel];
         let mut round = (1..M * M).map(|step| (subpixel + step) % (M * M));
@@ -133,30 +167,33 @@ impl Reprojected {
 }
 
 /// The subpixel that a sample projects to, in f32 and in the shader's order.
-pub fn landing(frame: &Frame, instances: &[Instance], sample: &Sample) -> Option<Subpixel> {
-    let position = landing_position(frame, instances, sample)?;
+pub fn landing(frame: &Frame, instances: &[Instance], sample: &Sample, lens: [f32; 2]) -> Option<Subpixel> {
+    let position = landing_position(frame, instances, sample, lens)?;
     let pixel = camera::pixel_of(position, frame.size);
     let bit = camera::subpixel_bit(camera::subpixel_of(position, pixel), frame.flags);
     Some((camera::pixel_index(pixel, frame.size), bit))
 }
 
-/// Where in the frame a sample projects to, in pixels, in f32 and in the shader's order.
-pub fn landing_position(frame: &Frame, instances: &[Instance], sample: &Sample) -> Option<[f32; 2]> {
-    let relative = match space(frame, sample)? {
+/// Where in the frame a sample projects to from a point of the lens, in pixels, in f32 and in the shader's order.
+pub fn landing_position(frame: &Frame, instances: &[Instance], sample: &Sample, lens: [f32; 2]) -> Option<[f32; 2]> {
+    let space = space(frame, sample)?;
+    let relative = match space {
         Some(instance) => camera::transform_point(&instances[instance].to_relative, sample.position),
         None => sample.position,
     };
-    camera::project(frame, relative)
+    camera::project_through(frame, relative, lens_shift(frame, lens, relative, space.is_some()))
 }
 
 /// The same with every rounding error accounted for.
-pub fn landing_bounded(frame: &Frame, instances: &[Instance], sample: &Sample) -> Landing {
-    let relative = match space(frame, sample) {
+pub fn landing_bounded(frame: &Frame, instances: &[Instance], sample: &Sample, lens: [f32; 2]) -> Landing {
+    let space = space(frame, sample);
+    let relative = match space {
         None => return Landing::Nowhere,
         Some(Some(instance)) => camera::transform_bounded(&instances[instance].to_relative, sample.position),
         Some(None) => sample.position.map(Bounded::exact),
     };
-    let (position, inside) = match camera::project_bounded(frame, relative) {
+    let shift = lens_shift_bounded(frame, lens, relative, space.flatten().is_some());
+    let (position, inside) = match camera::project_within(frame, relative, shift, 1.0) {
         Projection::Outside => return Landing::Nowhere,
         Projection::Inside(position) => (position, true),
         Projection::Border(position) => (position, false),

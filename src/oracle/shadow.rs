@@ -75,12 +75,13 @@ pub fn shadow_query(stage: &Stage<'_>, light: &Light, found: &Found, doubtful: &
     let directional = light.kind == LIGHT_DIRECTIONAL;
     let target = Vec3::from(light.position);
     let towards = if directional { -Vec3::from(light.direction) } else { target - point.position };
-    let facing = point.normal.dot(point.position);
+    let seen_along = point.position - stage.eye();
+    let facing = point.normal.dot(seen_along);
     let lit = point.normal.dot(towards);
     // Dot products of three terms with a normal that is off by its own error.
     let error = normal_error(stage, found.instance, found.primitive) + 4.0 * U;
     let near_zero = |dot: f32, of: Vec3| f64::from(dot.abs()) <= error * f64::from(of.length());
-    if near_zero(facing, point.position) || near_zero(lit, towards) {
+    if near_zero(facing, seen_along) || near_zero(lit, towards) {
         doubtful.set(true);
     }
     let viewer_side = if facing <= 0.0 { 1.0 } else { -1.0 };

@@ -28,9 +28,17 @@ pub struct Stage<'a> {
     pub textures: &'a Textures,
     /// Whether the kernels are those that look at alpha.
     pub alpha: bool,
+    /// The sample's point of the lens, metres along the axes across and up; 0 for a pinhole.
+    pub lens: [f32; 2],
 }
 
 impl<'a> Stage<'a> {
+    /// Where the sample's camera ray starts, relative to the middle of the lens, metres.
+    pub fn eye(&self) -> Vec3 {
+        let axis = |a: [f32; 4]| Vec3::new(a[0], a[1], a[2]);
+        axis(self.frame.right) * self.lens[0] + axis(self.frame.up) * self.lens[1]
+    }
+
     /// The material of a triangle slot.
     pub fn material(&self, primitive: u32) -> &'a Material {
         &self.materials[self.world.geometry.triangles[primitive as usize].material as usize]

@@ -32,7 +32,7 @@ pub fn track(frame: &Frame, instances: &[Instance], previous: &[Sample], aims: &
         let aim = if frame.flags & FRAME_SETTLED != 0 {
             aims[index]
         } else {
-            let projected = point.and_then(|p| landing_position(frame, instances, p));
+            let projected = point.and_then(|p| landing_position(frame, instances, p, [0.0; 2]));
             projected.unwrap_or_else(|| random_position(pixel, pixel_hash(pixel, frame.frame, frame.seed)))
         };
         out.push(aim);
@@ -51,7 +51,7 @@ fn nearest(frame: &Frame, instances: &[Instance], previous: &[Sample]) -> Vec<Tr
         return tracked;
     }
     for (i, sample) in previous.iter().enumerate() {
-        let Some(position) = landing_position(frame, instances, sample) else { continue };
+        let Some(position) = landing_position(frame, instances, sample, [0.0; 2]) else { continue };
         let won = &mut tracked[camera::pixel_index(camera::pixel_of(position, frame.size), frame.size)];
         let key = distance_key(frame, instances, sample);
         if *won == UNTRACKED || key < won.nearest {

@@ -36,7 +36,7 @@ pub fn verify(stage: &Stage<'_>, sample: Sample) -> Outcome {
     let (sample, found) = if id == NEW_INSTANCE {
         make_sample(stage, hit, query.direction)
     } else {
-        check_sample(stage, Sample { instance: id, ..sample }, query.direction, hit, &doubtful)
+        check_sample(stage, Sample { instance: id, ..sample }, target(stage, sample), hit, &doubtful)
     };
     Outcome { sample, found, doubtful: doubtful.get() }
 }
@@ -46,14 +46,22 @@ pub fn query(stage: &Stage<'_>, sample: Sample) -> Query {
     let id = sample.instance & INSTANCE_MASK;
     let position = Vec3::from(sample.position);
     let surface = id < stage.frame.instance_count;
+    let origin = stage.eye();
     let direction = if id == NEW_INSTANCE {
-        camera_direction(stage.frame, [position.x, position.y])
+        camera_direction(stage.frame, [position.x, position.y]) - origin * stage.frame.lens[1]
     } else if surface {
-        transform_point(&stage.instance(id).to_relative, position)
+        target(stage, sample) - origin
     } else {
         position
     };
-    Query { origin: Vec3::ZERO, direction, tmax: if surface { REACH } else { f32::INFINITY } }
+    Query { origin, direction, tmax: if surface { REACH } else { f32::INFINITY } }
+}
+
+/// Where a cached sample is, camera-relative; of the sky, its direction.
+fn target(stage: &Stage<'_>, sample: Sample) -> Vec3 {
+    let id = sample.instance & INSTANCE_MASK;
+    let position = Vec3::from(sample.position);
+    if id < stage.frame.instance_count { transform_point(&stage.instance(id).to_relative, position) } else { position }
 }
 
 /// [`super::camera::camera_direction`] in f32 and in the shader's order.

@@ -10,7 +10,7 @@ use crate::shaders::{Shader, analyze as shader, analyze_fill, analyze_keep};
 /// # Errors
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
 pub fn pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
-    dispatch("analyze", &shader::SHADER, kit, f)
+    dispatch("analyze", shader::SHADER, kit, f)
 }
 
 /// The plan to keep everything, for a frame that decides after verification.
@@ -18,7 +18,7 @@ pub fn pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
 /// # Errors
 /// As for [`pass`].
 pub fn keep_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
-    dispatch("list", &analyze_keep::SHADER, kit, f)
+    dispatch("list", analyze_keep::SHADER, kit, f)
 }
 
 /// The decision after verification: tiles count what is added.
@@ -26,7 +26,7 @@ pub fn keep_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
 /// # Errors
 /// As for [`pass`].
 pub fn fill_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
-    dispatch("analyze", &analyze_fill::SHADER, kit, f)
+    dispatch("analyze", analyze_fill::SHADER, kit, f)
 }
 
 fn dispatch(label: &'static str, shader: &'static Shader, kit: &Kit, f: &FrameResources) -> Result<Pass> {

@@ -22,9 +22,9 @@ pub fn pass(kit: &Kit, f: &FrameResources, images: &AovResources, stable: bool) 
     }
     .list();
     let shader = match (stable, f.ages) {
-        (false, _) => &shader::SHADER,
-        (true, None) => &aov_stable::SHADER,
-        (true, Some(_)) => &aov_age::SHADER,
+        (false, _) => shader::SHADER,
+        (true, None) => aov_stable::SHADER,
+        (true, Some(_)) => aov_age::SHADER,
     };
     if stable {
         list.extend([b(f.masks), b(f.plan)]);

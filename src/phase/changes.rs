@@ -13,11 +13,11 @@ pub fn pass(kit: &Kit, f: &FrameResources, images: &AovResources) -> Result<Pass
     let mut list =
         shader::Bindings { frame: b(f.frame), offsets: b(f.offsets), changes: images.changes, extras: b(f.extras) }
             .list();
-    let mut shader = &shader::SHADER;
+    let mut shader = shader::SHADER;
     if let Some(memory) = f.memory {
         list.extend([f.masks, f.plan, f.previous, f.samples, memory.sources, f.lit].map(b));
         list.extend([memory.previous_reached, memory.reached].map(b));
-        shader = &changes_stable::SHADER;
+        shader = changes_stable::SHADER;
     }
     kit.dispatch("changes", shader, &list, &[], f.pixels())
 }

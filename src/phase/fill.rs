@@ -7,7 +7,7 @@
 use super::{FrameResources, Kit, SceneResources, b, list, verify};
 use crate::Result;
 use crate::gpu::{Pass, Range, Threads};
-use crate::shaders::{append, append_age, append_age_source, append_source, scan_fill, survey};
+use crate::shaders::{append, scan_fill, survey};
 
 /// Masks of what is visible now, for the analysis that follows. One thread a pixel.
 ///
@@ -21,7 +21,7 @@ pub fn survey_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
         masks: b(f.masks),
         counters: b(f.counters),
     };
-    kit.dispatch("analyze", &survey::SHADER, &bindings.list(), &[], f.pixels())
+    kit.dispatch("analyze", survey::SHADER, &bindings.list(), &[], f.pixels())
 }
 
 /// Lists what the analysis adds behind what was verified, forgets what it evicts, and traces what is new.
@@ -29,12 +29,12 @@ pub fn survey_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
 /// # Errors
 /// [`crate::Error::Vulkan`] if a pipeline cannot be made.
 pub fn passes(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
-    let sum = list::scan_pass("fill", &scan_fill::SHADER, kit, f)?;
+    let sum = list::scan_pass("fill", scan_fill::SHADER, kit, f)?;
     Ok(vec![sum, append_pass(kit, f)?, verify::traced("fill", kit, f, s, added(f))?])
 }
 
 fn append_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
-    let mut list = append::Bindings {
+    let bindings = append::Bindings {
         frame: b(f.frame),
         masks: b(f.masks),
         plan: b(f.plan),
@@ -44,17 +44,12 @@ fn append_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
         extras: b(f.extras),
         samples: b(f.samples),
         found: b(f.found),
-    }
-    .list();
-    let shader = match (f.ages, f.memory) {
-        (None, None) => &append::SHADER,
-        (Some(_), None) => &append_age::SHADER,
-        (None, Some(_)) => &append_source::SHADER,
-        (Some(_), Some(_)) => &append_age_source::SHADER,
+        ages: f.ages.map(b),
+        sources: f.memory.map(|memory| b(memory.sources)),
+        seeds: f.seeds.map(|seeds| b(seeds.now)),
     };
-    list.extend(f.ages.map(b));
-    list.extend(f.memory.map(|memory| b(memory.sources)));
-    kit.dispatch("fill", shader, &list, &[], f.pixels())
+    let shader = append::modelling(kit.model());
+    kit.dispatch("fill", shader, &bindings.of(shader), &[], f.pixels())
 }
 
 /// A thread a sample that was added.

@@ -10,6 +10,12 @@ use crate::shaders::generate as shader;
 /// # Errors
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
 pub fn pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
-    let bindings = shader::Bindings { frame: b(f.frame), samples: b(f.samples), offsets: b(f.offsets) };
-    kit.dispatch("generate", &shader::SHADER, &bindings.list(), &[], f.pixels())
+    let bindings = shader::Bindings {
+        frame: b(f.frame),
+        samples: b(f.samples),
+        offsets: b(f.offsets),
+        seeds: f.seeds.map(|seeds| b(seeds.now)),
+    };
+    let shader = shader::modelling(kit.model());
+    kit.dispatch("generate", shader, &bindings.of(shader), &[], f.pixels())
 }

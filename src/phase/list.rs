@@ -4,14 +4,14 @@
 use super::{FrameResources, Kit, b};
 use crate::Result;
 use crate::gpu::{Pass, Threads};
-use crate::shaders::{Shader, gather, gather_age, gather_age_source, gather_source, scan};
+use crate::shaders::{Shader, gather, scan};
 
 /// Prefix sum, then gathering.
 ///
 /// # Errors
 /// [`crate::Error::Vulkan`] if a pipeline cannot be made.
 pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
-    Ok(vec![scan_pass("list", &scan::SHADER, kit, f)?, gather_pass(kit, f)?])
+    Ok(vec![scan_pass("list", scan::SHADER, kit, f)?, gather_pass(kit, f)?])
 }
 
 /// The prefix sum, by one of its variants.
@@ -24,7 +24,7 @@ pub(super) fn scan_pass(label: &'static str, shader: &'static Shader, kit: &Kit,
 }
 
 fn gather_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
-    let mut list = gather::Bindings {
+    let bindings = gather::Bindings {
         frame: b(f.frame),
         claims: b(f.claims),
         masks: b(f.masks),
@@ -34,16 +34,12 @@ fn gather_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
         previous: b(f.previous),
         samples: b(f.samples),
         offsets: b(f.offsets),
-    }
-    .list();
-    let ages = f.previous_ages.zip(f.ages);
-    let shader = match (ages, f.memory) {
-        (None, None) => &gather::SHADER,
-        (Some(_), None) => &gather_age::SHADER,
-        (None, Some(_)) => &gather_source::SHADER,
-        (Some(_), Some(_)) => &gather_age_source::SHADER,
+        previous_ages: f.previous_ages.map(b),
+        ages: f.ages.map(b),
+        sources: f.memory.map(|memory| b(memory.sources)),
+        previous_seeds: f.seeds.map(|seeds| b(seeds.previous)),
+        seeds: f.seeds.map(|seeds| b(seeds.now)),
     };
-    list.extend(ages.into_iter().flat_map(|(previous, now)| [b(previous), b(now)]));
-    list.extend(f.memory.map(|memory| b(memory.sources)));
-    kit.dispatch("list", shader, &list, &[], f.pixels())
+    let shader = gather::modelling(kit.model());
+    kit.dispatch("list", shader, &bindings.of(shader), &[], f.pixels())
 }

@@ -48,16 +48,22 @@ pub struct Kit {
     context: Context,
     binder: Binder,
     pipelines: RefCell<BTreeMap<&'static str, Arc<Pipeline>>>,
+    model: u32,
 }
 
 impl Kit {
-    /// For plans of up to `passes` passes in all.
+    /// For plans of up to `passes` passes in all, of what a [`crate::method::model::Model`] has.
     ///
     /// # Errors
     /// [`crate::Error::Vulkan`].
-    pub fn new(context: &Context, passes: u32) -> Result<Self> {
+    pub fn new(context: &Context, passes: u32, model: u32) -> Result<Self> {
         let binder = Binder::new(context, passes, 16)?;
-        Ok(Self { context: context.clone(), binder, pipelines: RefCell::default() })
+        Ok(Self { context: context.clone(), binder, pipelines: RefCell::default(), model })
+    }
+
+    /// The `MODEL_` bits of what is modelled.
+    pub fn model(&self) -> u32 {
+        self.model
     }
 
     /// A dispatch labelled `label`, with resources in the order of the shader's bindings.
@@ -108,6 +114,8 @@ pub struct FrameResources {
     pub ages: Option<Range>,
     /// What is remembered for [`changes`], if asked for by a method that keeps samples.
     pub memory: Option<Memory>,
+    /// What lens, time and lights are sampled by, if anything is.
+    pub seeds: Option<SeedResources>,
     /// A word a subpixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
     pub claims: Range,
     /// Two floats a pixel, with point tracking: where the ray of each pixel goes, in pixels.
@@ -165,6 +173,17 @@ pub struct Memory {
     pub reached: Range,
 }
 
+/// Where samples lie on what is sampled besides the picture.
+#[derive(Debug, Clone, Copy)]
+pub struct SeedResources {
+    /// The seed of each sample of `previous`, a word.
+    pub previous: Range,
+    /// The seed of each sample of `samples`.
+    pub now: Range,
+    /// [`crate::sampler::Sampler::table`].
+    pub table: Range,
+}
+
 /// One image an AOV.
 #[derive(Debug, Clone, Copy)]
 pub struct AovResources {
@@ -211,15 +230,6 @@ pub struct SceneResources {
     pub atlas: Resource,
     /// 256 floats: sRGB code to linear.
     pub srgb: Range,
-    /// Whether some material has an alpha mask or blend.
-    pub alpha: bool,
-}
-
-impl SceneResources {
-    /// What the alpha variants of the tracing shaders bind last.
-    fn alpha_resources(&self) -> [Resource; 3] {
-        [b(self.vertices), self.atlas, b(self.srgb)]
-    }
 }
 
 fn b(range: Range) -> Resource {

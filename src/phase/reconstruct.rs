@@ -33,10 +33,10 @@ pub fn pass(kit: &Kit, f: &FrameResources, settings: &Settings) -> Result<Pass> 
 
 fn shader_of(settings: &Settings, integrated: bool) -> &'static Shader {
     match (settings.weights(), integrated) {
-        _ if settings.method.accumulates() => &reconstruct_accumulate::SHADER,
-        (Weights::Equal, false) => &shader::SHADER,
-        (Weights::Equal, true) => &reconstruct_motion::SHADER,
-        (Weights::Voronoi, false) => &voronoi::SHADER,
-        (Weights::Voronoi, true) => &voronoi_motion::SHADER,
+        _ if settings.method.accumulates() => reconstruct_accumulate::SHADER,
+        (Weights::Equal, false) => shader::SHADER,
+        (Weights::Equal, true) => reconstruct_motion::SHADER,
+        (Weights::Voronoi, false) => voronoi::SHADER,
+        (Weights::Voronoi, true) => voronoi_motion::SHADER,
     }
 }

@@ -11,7 +11,8 @@ use crate::shaders::{reproject as shader, reproject_displaced, reproject_nearest
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
 pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
     let [claims, masks] = cleared(f);
-    Ok(vec![claims, masks, kit.dispatch("reproject", &shader::SHADER, &bindings(f), &[], f.dense())?])
+    let shader = shader::modelling(kit.model());
+    Ok(vec![claims, masks, kit.dispatch("reproject", shader, &bindings(f).of(shader), &[], f.dense())?])
 }
 
 /// As [`passes`], but the nearer wins, and others take what is free in their pixel.
@@ -20,15 +21,14 @@ pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
 /// As for [`passes`].
 pub fn nearest_passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
     let [claims, masks] = cleared(f);
-    // The plan is of no use yet, and holds as much.
-    let mut displaced = bindings(f);
-    displaced.push(b(f.plan));
+    let nearest = reproject_nearest::modelling(kit.model());
+    let displaced = reproject_displaced::modelling(kit.model());
     Ok(vec![
         claims,
         masks,
-        kit.dispatch("reproject", &reproject_nearest::SHADER, &bindings(f), &[], f.dense())?,
+        kit.dispatch("reproject", nearest, &bindings(f).of(nearest), &[], f.dense())?,
         Pass::copy("reproject", f.masks, f.plan),
-        kit.dispatch("reproject", &reproject_displaced::SHADER, &displaced, &[], f.dense())?,
+        kit.dispatch("reproject", displaced, &bindings(f).of(displaced), &[], f.dense())?,
     ])
 }
 
@@ -36,14 +36,17 @@ fn cleared(f: &FrameResources) -> [Pass; 2] {
     [Pass::fill("reproject", f.claims, u32::MAX), Pass::fill("reproject", f.masks, 0)]
 }
 
-fn bindings(f: &FrameResources) -> Vec<Resource> {
-    let bindings = shader::Bindings {
+/// Of all variants: `taken` is the masks before, in the plan, which is of no use yet and holds as much.
+fn bindings(f: &FrameResources) -> reproject_displaced::Bindings<Resource> {
+    reproject_displaced::Bindings {
         frame: b(f.frame),
         instances: b(f.instances),
         counters: b(f.counters),
         samples: b(f.previous),
         claims: b(f.claims),
         masks: b(f.masks),
-    };
-    bindings.list()
+        taken: b(f.plan),
+        seeds: f.seeds.map(|seeds| b(seeds.previous)),
+        sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+    }
 }

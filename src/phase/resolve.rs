@@ -11,6 +11,6 @@ use crate::shaders::{resolve as shader, resolve_float};
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
 pub fn pass(kit: &Kit, f: &FrameResources, float_output: bool) -> Result<Pass> {
     let bindings = shader::Bindings { frame: b(f.frame), film: b(f.film), color: f.color };
-    let shader = if float_output { &resolve_float::SHADER } else { &shader::SHADER };
+    let shader = if float_output { resolve_float::SHADER } else { shader::SHADER };
     kit.dispatch("resolve", shader, &bindings.list(), &[], f.pixels())
 }

@@ -19,5 +19,5 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         samples: b(f.samples),
         counters: b(f.counters),
     };
-    kit.dispatch("retain", &shader::SHADER, &bindings.list(), &[], f.pixels())
+    kit.dispatch("retain", shader::SHADER, &bindings.list(), &[], f.pixels())
 }

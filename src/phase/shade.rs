@@ -26,6 +26,9 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         found: b(f.found),
         lit: b(f.lit),
         shaded: b(f.shaded),
+        seeds: f.seeds.map(|seeds| b(seeds.now)),
+        sampler_table: f.seeds.map(|seeds| b(seeds.table)),
     };
-    kit.dispatch("shade", &shader::SHADER, &bindings.list(), &[], f.dense())
+    let shader = shader::modelling(kit.model());
+    kit.dispatch("shade", shader, &bindings.of(shader), &[], f.dense())
 }

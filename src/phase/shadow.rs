@@ -3,14 +3,14 @@
 use super::{FrameResources, Kit, SceneResources, b};
 use crate::Result;
 use crate::gpu::Pass;
-use crate::shaders::{shadow as shader, shadow_alpha};
+use crate::shaders::shadow as shader;
 
 /// One thread a sample of the list.
 ///
 /// # Errors
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
 pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
-    let mut list = shader::Bindings {
+    let bindings = shader::Bindings {
         frame: b(f.frame),
         instances: b(f.instances),
         counters: b(f.counters),
@@ -21,12 +21,14 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         found: b(f.found),
         lit: b(f.lit),
         samples: b(f.samples),
-    }
-    .list();
-    if s.alpha {
-        list.extend([b(s.triangles), b(s.materials)]);
-        list.extend(s.alpha_resources());
-    }
-    let shader = if s.alpha { &shadow_alpha::SHADER } else { &shader::SHADER };
-    kit.dispatch("shadow", shader, &list, &[], f.dense())
+        triangles: Some(b(s.triangles)),
+        materials: Some(b(s.materials)),
+        vertices: Some(b(s.vertices)),
+        atlas: Some(s.atlas),
+        srgb: Some(b(s.srgb)),
+        seeds: f.seeds.map(|seeds| b(seeds.now)),
+        sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+    };
+    let shader = shader::modelling(kit.model());
+    kit.dispatch("shadow", shader, &bindings.of(shader), &[], f.dense())
 }

@@ -39,10 +39,10 @@ fn integrate(
         color: f.color,
     };
     let shader = match (settings.history.precision, settings.float_output) {
-        (Precision::Half, false) => &shader::SHADER,
-        (Precision::Half, true) => &temporal_float::SHADER,
-        (Precision::Float, false) => &temporal_precise::SHADER,
-        (Precision::Float, true) => &temporal_precise_float::SHADER,
+        (Precision::Half, false) => shader::SHADER,
+        (Precision::Half, true) => temporal_float::SHADER,
+        (Precision::Float, false) => temporal_precise::SHADER,
+        (Precision::Float, true) => temporal_precise_float::SHADER,
     };
     let push = shader::Push {
         alpha: settings.history.alpha,
@@ -54,7 +54,7 @@ fn integrate(
 
 fn mean(kit: &Kit, f: &FrameResources, history: Range, settings: &Settings) -> Result<Pass> {
     let bindings = average::Bindings { frame: b(f.frame), film: b(f.film), history: b(history), color: f.color };
-    let shader = if settings.float_output { &average_float::SHADER } else { &average::SHADER };
+    let shader = if settings.float_output { average_float::SHADER } else { average::SHADER };
     let push = average::Push { frames: settings.box_frames };
     kit.dispatch(LABEL, shader, &bindings.list(), bytemuck::bytes_of(&push), f.pixels())
 }

@@ -2,7 +2,7 @@
 
 use super::{FrameResources, Kit, b};
 use crate::Result;
-use crate::gpu::Pass;
+use crate::gpu::{Pass, Resource};
 use crate::shaders::{nearest, nearest_index, track as shader};
 
 /// Clears what is known of the pixels, finds the nearest point of each in two steps, and lists a ray a pixel.
@@ -16,8 +16,9 @@ pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
         counters: b(f.counters),
         samples: b(f.previous),
         tracked: b(f.claims),
-    }
-    .list();
+        seeds: f.seeds.map(|seeds| b(seeds.previous)),
+        sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+    };
     let bindings = shader::Bindings {
         frame: b(f.frame),
         instances: b(f.instances),
@@ -27,11 +28,17 @@ pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
         samples: b(f.samples),
         offsets: b(f.offsets),
         counters: b(f.counters),
+        previous_seeds: f.seeds.map(|seeds| b(seeds.previous)),
+        seeds: f.seeds.map(|seeds| b(seeds.now)),
+        sampler_table: f.seeds.map(|seeds| b(seeds.table)),
     };
+    let dispatch = |shader, list: &[Resource], threads| kit.dispatch("track", shader, list, &[], threads);
+    let [distance, index] = [nearest::modelling(kit.model()), nearest_index::modelling(kit.model())];
+    let aim = shader::modelling(kit.model());
     Ok(vec![
         Pass::fill("track", f.claims, u32::MAX),
-        kit.dispatch("track", &nearest::SHADER, &points, &[], f.dense())?,
-        kit.dispatch("track", &nearest_index::SHADER, &points, &[], f.dense())?,
-        kit.dispatch("track", &shader::SHADER, &bindings.list(), &[], f.pixels())?,
+        dispatch(distance, &points.of(distance), f.dense())?,
+        dispatch(index, &points.of(index), f.dense())?,
+        dispatch(aim, &bindings.of(aim), f.pixels())?,
     ])
 }

@@ -3,7 +3,7 @@
 use super::{FrameResources, Kit, SceneResources, b};
 use crate::Result;
 use crate::gpu::{Pass, Threads};
-use crate::shaders::{verify as shader, verify_alpha};
+use crate::shaders::verify as shader;
 
 /// One thread a sample of the list.
 ///
@@ -21,7 +21,7 @@ pub(super) fn traced(
     s: &SceneResources,
     threads: Threads,
 ) -> Result<Pass> {
-    let mut list = shader::Bindings {
+    let bindings = shader::Bindings {
         frame: b(f.frame),
         instances: b(f.instances),
         counters: b(f.counters),
@@ -32,11 +32,12 @@ pub(super) fn traced(
         found: b(f.found),
         triangles: b(s.triangles),
         materials: b(s.materials),
-    }
-    .list();
-    if s.alpha {
-        list.extend(s.alpha_resources());
-    }
-    let shader = if s.alpha { &verify_alpha::SHADER } else { &shader::SHADER };
-    kit.dispatch(label, shader, &list, &[], threads)
+        vertices: Some(b(s.vertices)),
+        atlas: Some(s.atlas),
+        srgb: Some(b(s.srgb)),
+        seeds: f.seeds.map(|seeds| b(seeds.now)),
+        sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+    };
+    let shader = shader::modelling(kit.model());
+    kit.dispatch(label, shader, &bindings.of(shader), &[], threads)
 }

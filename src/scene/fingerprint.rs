@@ -23,7 +23,7 @@ pub fn fingerprint(scene: &Scene) -> String {
         let unnamed = super::Light { name: String::new(), ..light.clone() };
         hash.shown(format_args!("{unnamed:?}"));
     }
-    scene.cameras.iter().for_each(|c| hash.shown(format_args!("camera {} {}", c.node, c.yfov)));
+    scene.cameras.iter().for_each(|c| hash.shown(format_args!("camera {} {} {:?}", c.node, c.yfov, c.lens)));
     scene.animations.iter().for_each(|a| hash.shown(format_args!("{:?}", a.channels)));
     hash.shown(format_args!("{:?} {:?} {:?}", scene.instances, scene.textures, scene.environment));
     hex(&hash.0.finalize())

@@ -244,6 +244,22 @@ pub struct Light {
     pub intensity: f32,
     /// Metres beyond which the light fades to nothing, if given.
     pub range: Option<f32>,
+    /// Its extent.
+    pub shape: LightShape,
+}
+
+/// The extent of a light, across its node's X and Y: of point and spot lights a surface that looks along the node's -Z, in
+/// metres; of directional ones a part of the sky, in radians. A point light with an extent shines as its surface does, evenly
+/// (Lambert), with its intensity along the normal; so an extent of nothing is a point light that shines to one side.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum LightShape {
+    /// None: its shadows have sharp edges.
+    #[default]
+    Sharp,
+    /// A rectangle of this width and height.
+    Rectangle([f32; 2]),
+    /// An ellipse of this width and height.
+    Disc([f32; 2]),
 }
 
 /// Kinds of punctual lights.
@@ -271,6 +287,35 @@ pub struct Camera {
     pub node: usize,
     /// Vertical field of view in radians, in (0, π).
     pub yfov: f64,
+    /// Its lens.
+    pub lens: Lens,
+}
+
+/// A thin lens (paper 2, section 3.1; Cook, Porter and Carpenter 1984).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lens {
+    /// Diameter of the aperture in metres, finite, at least 0; 0 is a pinhole, for which all is in focus.
+    pub aperture: f64,
+    /// Distance in metres, along the viewing direction, of the plane that is in focus: above 0, infinity included.
+    pub focus: f64,
+    /// Straight edges of the aperture, 3 to 16; 0: it is round.
+    pub blades: u32,
+}
+
+impl Lens {
+    /// Everything is in focus.
+    pub const PINHOLE: Self = Self { aperture: 0.0, focus: f64::INFINITY, blades: 0 };
+
+    /// Whether something can be out of focus.
+    pub fn is_open(&self) -> bool {
+        self.aperture > 0.0
+    }
+}
+
+impl Default for Lens {
+    fn default() -> Self {
+        Self::PINHOLE
+    }
 }
 
 /// Where a frame is seen from. The field of view is what animation of a zoom changes.
@@ -282,6 +327,8 @@ pub struct View {
     pub rotation: DQuat,
     /// Vertical field of view in radians, in (0, π).
     pub yfov: f64,
+    /// The lens that it is seen through.
+    pub lens: Lens,
 }
 
 /// Animated transforms of some nodes, looped by their longest channel.
@@ -353,4 +400,6 @@ pub struct LightPose {
     pub position: DVec3,
     /// Unit vector along which the light shines.
     pub direction: DVec3,
+    /// Unit vectors along its width and its height.
+    pub axes: [DVec3; 2],
 }

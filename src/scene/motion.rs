@@ -105,11 +105,7 @@ fn orbit(base: &View, focus: DVec3, radius: f64, distance: f64, t: f64) -> View 
     // standing still and one that is far away from spinning.
     let ratio = if radius > 0.0 { (distance / radius).clamp(0.5, 4.0) } else { 1.0 };
     let turn = DQuat::from_rotation_y(EVEN_SPEED * base.yfov * ratio * t);
-    View {
-        position: focus + turn * (base.position - focus),
-        rotation: (turn * base.rotation).normalize(),
-        yfov: base.yfov,
-    }
+    View { position: focus + turn * (base.position - focus), rotation: (turn * base.rotation).normalize(), ..*base }
 }
 
 impl fmt::Display for Motion {
@@ -132,9 +128,11 @@ impl FromStr for Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Lens;
 
     fn base() -> View {
-        View { position: DVec3::new(3.0, 1.0, 4.0), rotation: DQuat::from_rotation_y(0.6), yfov: 0.7 }
+        let lens = Lens { aperture: 0.1, ..Lens::PINHOLE };
+        View { position: DVec3::new(3.0, 1.0, 4.0), rotation: DQuat::from_rotation_y(0.6), yfov: 0.7, lens }
     }
 
     const FOCUS: DVec3 = DVec3::new(0.1, 0.2, -0.3);

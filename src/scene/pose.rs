@@ -2,7 +2,9 @@
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-use super::{Animation, Channel, ChannelValues, Interpolation, LightPose, LocalTransform, Mesh, Pose, Scene, View};
+use super::{
+    Animation, Camera, Channel, ChannelValues, Interpolation, LightPose, LocalTransform, Mesh, Pose, Scene, View,
+};
 
 impl LocalTransform {
     /// The transform as a matrix: scale, then rotation, then translation.
@@ -42,7 +44,7 @@ impl Scene {
         Pose {
             instances: self.instances.iter().map(|instance| globals[instance.node]).collect(),
             lights: self.lights.iter().map(|light| light_pose(&globals[light.node])).collect(),
-            cameras: self.cameras.iter().map(|camera| view(&globals[camera.node], camera.yfov)).collect(),
+            cameras: self.cameras.iter().map(|camera| view(&globals[camera.node], camera)).collect(),
         }
     }
 
@@ -188,16 +190,23 @@ fn transformed((low, high): (DVec3, DVec3), transform: &DAffine3) -> (DVec3, DVe
 
 fn light_pose(global: &DAffine3) -> LightPose {
     let direction = unit(-global.matrix3.z_axis).unwrap_or(DVec3::NEG_Z);
-    LightPose { position: global.translation, direction }
+    let [right, up] = upright(-direction, global.matrix3.y_axis);
+    LightPose { position: global.translation, direction, axes: [right, up] }
 }
 
 /// A camera ignores its node's scale, and a mirrored node's mirroring: it looks along -Z with +Y as far up as possible.
-fn view(global: &DAffine3, yfov: f64) -> View {
+fn view(global: &DAffine3, camera: &Camera) -> View {
     let back = unit(global.matrix3.z_axis).unwrap_or(DVec3::Z);
-    let up = unit(global.matrix3.y_axis).unwrap_or(DVec3::Y);
+    let [right, up] = upright(back, global.matrix3.y_axis);
+    let rotation = DQuat::from_mat3(&DMat3::from_cols(right, up, back)).normalize();
+    View { position: global.translation, rotation, yfov: camera.yfov, lens: camera.lens }
+}
+
+/// The unit vectors to the right and up across `back`, a unit vector, with `up` as far up as possible.
+fn upright(back: DVec3, up: DVec3) -> [DVec3; 2] {
+    let up = unit(up).unwrap_or(DVec3::Y);
     let right = unit(up.cross(back)).unwrap_or_else(|| back.any_orthonormal_vector());
-    let rotation = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize();
-    View { position: global.translation, rotation, yfov }
+    [right, back.cross(right)]
 }
 
 /// `v` normalised; none if it is zero or not finite. Scaled first, because extreme scales overflow when squared.
@@ -211,7 +220,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::scene::{Camera, Instance, Light, LightKind, Node};
+    use crate::scene::{Camera, Instance, Lens, Light, LightKind, LightShape, Node};
 
     fn channel(interpolation: Interpolation, times: &[f64], values: ChannelValues) -> Channel {
         Channel { node: 0, times: times.to_vec(), interpolation, values }
@@ -320,7 +329,7 @@ mod tests {
             let local = LocalTransform::Trs { translation: DVec3::ONE, rotation: DQuat::IDENTITY, scale };
             let scene = Scene {
                 nodes: vec![Node { name: String::new(), parent: None, local }],
-                cameras: vec![Camera { name: String::new(), node: 0, yfov: 1.0 }],
+                cameras: vec![Camera { name: String::new(), node: 0, yfov: 1.0, lens: Lens::PINHOLE }],
                 lights: vec![Light {
                     name: String::new(),
                     node: 0,
@@ -328,6 +337,7 @@ mod tests {
                     color: Vec3::ONE,
                     intensity: 1.0,
                     range: None,
+                    shape: LightShape::Sharp,
                 }],
                 ..Scene::default()
             };

@@ -7,7 +7,7 @@ use std::fmt;
 use glam::{DAffine3, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::{AlphaMode, Light, LightKind, Material, Scene, TextureRef, Wrap};
+use super::{AlphaMode, Camera, Light, LightKind, LightShape, Material, Scene, TextureRef, Wrap};
 
 /// What inspecting a scene found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -56,19 +56,33 @@ pub struct Traits {
     pub lights: u32,
     /// Whether there are textures.
     pub textures: bool,
+    /// Whether more than the place in the pixel is sampled: a lens, or lights that have an extent.
+    #[serde(default = "yes")]
+    pub distributed: bool,
+}
+
+/// What a file of before says of what it did not know.
+fn yes() -> bool {
+    true
 }
 
 impl Traits {
     /// Those of a scene.
     pub fn of(scene: &Scene) -> Self {
-        Self { lights: scene.lights.len() as u32, textures: !scene.textures.is_empty() }
+        let open = |camera: &Camera| camera.lens.is_open();
+        let wide = |light: &Light| light.shape != LightShape::Sharp;
+        Self {
+            lights: scene.lights.len() as u32,
+            textures: !scene.textures.is_empty(),
+            distributed: scene.cameras.iter().any(open) || scene.lights.iter().any(wide),
+        }
     }
 }
 
 impl Default for Traits {
     /// Of a scene of which nothing is known: everything can make a difference.
     fn default() -> Self {
-        Self { lights: u32::MAX, textures: true }
+        Self { lights: u32::MAX, textures: true, distributed: true }
     }
 }
 
@@ -127,6 +141,8 @@ pub enum Feature {
     SpotLights,
     /// Parallel light from infinity.
     DirectionalLights,
+    /// Lights that have an extent.
+    AreaLights,
     /// Lights that end at some distance.
     LightRange,
     /// Uniform light from all around.
@@ -143,6 +159,8 @@ pub enum Feature {
     MovingLights,
     /// Cameras that animation moves.
     MovingCameras,
+    /// Cameras with an aperture, before and behind whose plane in focus things blur.
+    Lens,
 }
 
 impl fmt::Display for Feature {
@@ -180,6 +198,7 @@ pub fn inspect(scene: &Scene) -> Requirements {
     found.lights(scene);
     found.instances(scene);
     found.motion(scene);
+    found.cameras(scene);
     let features = found.0.into_iter().map(|(feature, cause)| Requirement { feature, cause }).collect();
     Requirements { contents: contents(scene), features }
 }
@@ -269,6 +288,7 @@ impl Found {
             };
             self.note(true, feature, cause);
             self.note(light.range.is_some(), Feature::LightRange, cause);
+            self.note(light.shape != LightShape::Sharp, Feature::AreaLights, cause);
         }
         let radiance = scene.environment.radiance;
         self.note(radiance.max_element() > 0.0, Feature::Environment, || format!("radiance {radiance}"));
@@ -282,6 +302,12 @@ impl Found {
             self.note(again, Feature::Instancing, cause);
             self.note(transform.matrix3.determinant() < 0.0, Feature::MirroredInstances, cause);
             self.note(!is_similarity(transform), Feature::NonUniformScale, cause);
+        }
+    }
+
+    fn cameras(&mut self, scene: &Scene) {
+        for camera in &scene.cameras {
+            self.note(camera.lens.is_open(), Feature::Lens, || format!("camera '{}'", camera.name));
         }
     }
 
@@ -407,6 +433,7 @@ mod tests {
             color: Vec3::ONE,
             intensity: 0.0,
             range: Some(1.0),
+            shape: LightShape::Sharp,
         };
         scene.lights.push(light.clone());
         assert!(!inspect(&scene).has(Feature::PointLights));

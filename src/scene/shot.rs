@@ -1,7 +1,7 @@
 //! A camera in a scene, and how it moves: what turns a time into a pose and a view.
 
 use super::motion::Motion;
-use super::{Pose, Scene, View};
+use super::{Lens, Pose, Scene, View};
 use crate::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -39,6 +39,15 @@ impl Shot {
     /// The same camera, moving otherwise.
     pub fn with_motion(&self, motion: Motion) -> Self {
         Self { motion, ..self.clone() }
+    }
+
+    /// The same camera with another lens, if it is one that was placed by two points; those of the scene have their own.
+    pub fn with_lens(self, lens: Lens) -> Self {
+        let camera = match self.camera {
+            Camera::Placed(words, view) => Camera::Placed(words, View { lens, ..view }),
+            of_scene => of_scene,
+        };
+        Self { camera, ..self }
     }
 
     /// Where everything of the scene is and where it is seen from after `seconds`.
@@ -95,7 +104,7 @@ fn place_camera(words: &str) -> Option<View> {
     // Straight up and down there is no horizon: the top of the picture is north.
     let right = DVec3::Y.cross(back).try_normalize().unwrap_or(DVec3::X);
     let axes = DMat3::from_cols(right, back.cross(right), back);
-    Some(View { position: from, rotation: DQuat::from_mat3(&axes), yfov: 50f64.to_radians() })
+    Some(View { position: from, rotation: DQuat::from_mat3(&axes), yfov: 50f64.to_radians(), lens: Lens::PINHOLE })
 }
 
 /// Centre and radius in metres of a sphere that holds everything in the scene, for a camera to move about.

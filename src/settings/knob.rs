@@ -3,7 +3,10 @@
 //! A knob registers itself by being in [`KNOBS`]. Nothing else has to know of it: the range check, the settings file, the
 //! command line, the reports and the search for good trades go through the table.
 
-use super::{Edges, Fill, Filter, HistoryFilter, Method, Precision, Sampling, Settings, Temporal, Weights};
+use super::{
+    Edges, Fill, Filter, HistoryFilter, Hold, Method, Modelling, Precision, Sampling, Settings, Temporal, Weights,
+};
+use crate::sampler::{Strategy, Tiling};
 use crate::scene::requirements::Traits;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
@@ -117,6 +120,12 @@ fn textured(scene: &Traits, value: Value) -> bool {
 /// As many shadow rays as there are lights, and more, are the same; and so are none where there is no light.
 fn unlike_all_lights(scene: &Traits, value: Value) -> bool {
     matches!(value, Count(rays) if rays >= MOST_LIGHTS || rays < scene.lights)
+}
+
+/// What is sampled besides the picture.
+fn sampled(scene: &Traits, value: Value) -> bool {
+    let defaults = [Strategy::Sobol.name(), Tiling::Sudoku.name(), Hold::ALL[0].1];
+    scene.distributed || matches!(value, Choice(name) if defaults.contains(&name))
 }
 
 fn analysed(method: Method) -> bool {
@@ -367,6 +376,68 @@ pub static KNOBS: &[Knob] = &[
         rays: true,
         distinct: everywhere,
         ladder: &[Choice("none"), Choice("edge")],
+    },
+    Knob {
+        name: "sampler.strategy",
+        about: "where samples lie on lenses and lights (paper 2, section 4)",
+        unit: "",
+        trades: "sobol: least error beyond two dimensions; hammersley, sudoku, sudoku-latin, sudoku-independent, jittered and \
+                 hammersley-uncooperative: paper 2's, cheaper to look up; random: independent, to compare with",
+        domain: Domain::Choice {
+            names: || Strategy::ALL.map(Strategy::name).to_vec(),
+            get: |s| Strategy::ALL.iter().position(|t| *t == s.sampler).unwrap_or_default(),
+            set: |s, i| s.sampler = Strategy::ALL.get(i).copied().unwrap_or(s.sampler),
+        },
+        applies: any,
+        rays: false,
+        distinct: sampled,
+        ladder: &[Choice("sobol"), Choice("hammersley"), Choice("sudoku-latin")],
+    },
+    Knob {
+        name: "sampler.tiling",
+        about: "which pixel has which of the sixteen patterns of the sampler, if it has patterns",
+        unit: "",
+        trades: "sudoku16: no pattern that repeats every 4 pixels; 4x4: neighbours share out one even pattern",
+        domain: Domain::Choice {
+            names: || Tiling::ALL.map(Tiling::name).to_vec(),
+            get: |s| Tiling::ALL.iter().position(|t| *t == s.tiling).unwrap_or_default(),
+            set: |s, i| s.tiling = Tiling::ALL.get(i).copied().unwrap_or(s.tiling),
+        },
+        applies: any,
+        rays: false,
+        distinct: sampled,
+        ladder: &[Choice("sudoku16"), Choice("4x4")],
+    },
+    Knob {
+        name: "sampler.hold",
+        about: "what a sample's places on lenses and lights belong to",
+        unit: "",
+        trades: "sample: they are drawn once and travel with it, so that noise stays on surfaces; frame: they are drawn anew in \
+                 each frame, which averages out over time and flickers",
+        domain: Domain::Choice {
+            names: || Hold::ALL.map(|h| h.1).to_vec(),
+            get: |s| Hold::ALL.iter().position(|h| h.0 == s.hold).unwrap_or_default(),
+            set: |s, i| s.hold = Hold::ALL.get(i).map_or(s.hold, |h| h.0),
+        },
+        applies: any,
+        rays: false,
+        distinct: sampled,
+        ladder: &[Choice("sample"), Choice("frame")],
+    },
+    Knob {
+        name: "model",
+        about: "what is modelled: what the scene requires, or everything that a scene may require",
+        unit: "",
+        trades: "required: what a scene does not use costs nothing; all: the same picture, to compare with",
+        domain: Domain::Choice {
+            names: || Modelling::ALL.map(|m| m.1).to_vec(),
+            get: |s| Modelling::ALL.iter().position(|m| m.0 == s.modelling).unwrap_or_default(),
+            set: |s, i| s.modelling = Modelling::ALL.get(i).map_or(s.modelling, |m| m.0),
+        },
+        applies: any,
+        rays: false,
+        distinct: |_, value| value == Choice(Modelling::ALL[0].1),
+        ladder: &[Choice("required"), Choice("all")],
     },
     Knob {
         name: "float_output",

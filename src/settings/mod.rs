@@ -6,6 +6,7 @@
 pub mod file;
 pub mod knob;
 
+use crate::sampler::{Strategy, Tiling};
 use crate::{Error, Result};
 use ash::vk;
 
@@ -44,6 +45,14 @@ pub struct Settings {
     pub texture_filter: Filter,
     /// Lights at most, 0 to 32, that are chosen for each sample to send a shadow ray to; 0: no shadows.
     pub shadow_rays: u32,
+    /// Where samples lie on lenses and lights.
+    pub sampler: Strategy,
+    /// Which pixel has which of the sampler's patterns.
+    pub tiling: Tiling,
+    /// What the places of samples on lenses and lights belong to.
+    pub hold: Hold,
+    /// What is modelled.
+    pub modelling: Modelling,
     /// 32-bit float output instead of 16-bit.
     pub float_output: bool,
     /// Which images besides colour are written.
@@ -69,6 +78,10 @@ impl Default for Settings {
             filter_weights: Weights::Voronoi,
             filter_fill: Fill::Edge,
             seed: 0,
+            sampler: Strategy::Sobol,
+            tiling: Tiling::Sudoku,
+            hold: Hold::Sample,
+            modelling: Modelling::Required,
             float_output: false,
             aovs: Vec::new(),
         }
@@ -297,6 +310,34 @@ impl Fill {
             Self::Edge => "edge",
         }
     }
+}
+
+/// What a sample's places on lenses and lights belong to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hold {
+    /// The sample: they are drawn when it is made and travel with it, so that its noise stays on the surface.
+    Sample,
+    /// The frame: they are drawn anew in each.
+    Frame,
+}
+
+impl Hold {
+    /// All of them with their names.
+    pub const ALL: [(Self, &str); 2] = [(Self::Sample, "sample"), (Self::Frame, "frame")];
+}
+
+/// What is modelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Modelling {
+    /// What the scene and the settings require ([`crate::method::model`]).
+    Required,
+    /// Everything that a scene may require. The pictures are the same.
+    All,
+}
+
+impl Modelling {
+    /// All of them with their names.
+    pub const ALL: [(Self, &str); 2] = [(Self::Required, "required"), (Self::All, "all")];
 }
 
 /// Where the samples of a frame come from.

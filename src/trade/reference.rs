@@ -43,7 +43,7 @@ pub fn shaders_digest() -> String {
     let mut hash = Sha256::new();
     for shader in crate::shaders::ALL {
         hash.update(shader.name);
-        hash.update(bytemuck::cast_slice::<u32, u8>(shader.spirv));
+        hash.update(shader.spirv);
     }
     hex(&hash.finalize())
 }

@@ -13,6 +13,6 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i < uint(questions.data.length())) {
         Question q = questions.data[i];
-        answers.data[i] = sampler_coordinate(uvec2(q.x, q.y), q.index, q.dimension);
+        answers.data[i] = sampler_pair(uvec2(q.x, q.y), q.index, q.dimension / 2u)[q.dimension & 1u];
     }
 }

@@ -12,13 +12,17 @@ use stillray::accel::{BvhBuildParams, Geometry, Tlas, place};
 use stillray::gpu::image::Sampler;
 use stillray::gpu::{Context, Image, ImageDesc};
 use stillray::method::constants;
+use stillray::oracle::lens::lens_point;
+use stillray::oracle::seed::{PAIR_LENS, PAIR_LIGHT, new_seed, seed_pair};
+use stillray::oracle::shade::light::light_point;
 use stillray::oracle::shade::texture::Textures;
 use stillray::oracle::stage::Stage;
 use stillray::oracle::traverse::World;
 use stillray::progress::Quiet;
+use stillray::sampler as samplers;
 use stillray::scene::atlas::{Atlas, material_records, srgb_table};
-use stillray::scene::{self, AlphaMode, Light, LightKind, LightPose, Mesh, Scene, TextureRef};
-use stillray::shaders::{self, FRAME_NEAREST, Frame, NEW_INSTANCE, Sample};
+use stillray::scene::{self, AlphaMode, Light, LightKind, LightPose, LightShape, Mesh, Scene, TextureRef};
+use stillray::shaders::{self, FRAME_NEAREST, Frame, LIGHT_DISC, LIGHT_RECTANGLE, LIGHT_SHARP, NEW_INSTANCE, Sample};
 
 /// Materials of the scene, by index.
 pub const OPAQUE: usize = 0;
@@ -38,6 +42,27 @@ pub struct Theatre {
     pub textures: Textures,
     pub lights: Vec<shaders::Light>,
     pub frame: Frame,
+    /// The point of the lens through which everything is seen.
+    pub lens: [f32; 2],
+}
+
+/// How all samples of a list are drawn: alike, so that the twin knows one lens point and one point of each light.
+pub struct Draw {
+    pub sampler: samplers::Sampler,
+    pub seed: u32,
+}
+
+impl Draw {
+    pub fn random(random: &mut Random) -> Self {
+        let strategy = random.pick(&samplers::Strategy::ALL);
+        let sampler = samplers::Sampler::new(strategy, samplers::Tiling::Sudoku, 4, random.below(3));
+        Self { sampler, seed: new_seed([random.below(5000), random.below(5000)], random.below(16)) }
+    }
+
+    /// What kernels that model a lens or areas bind besides: the seed of each of so many samples, and the sampler's table.
+    pub fn bound(&self, samples: usize) -> [Bound<'static>; 2] {
+        [data(&vec![self.seed; samples]), data(&self.sampler.table())]
+    }
 }
 
 /// A square of half size 1 in the plane z = 0, seen from +z, in 2 x 2 x `steps`² triangles.
@@ -109,7 +134,7 @@ fn materials() -> Vec<scene::Material> {
 
 fn light(kind: LightKind) -> Light {
     let color = Vec3::new(1.0, 0.8, 0.6);
-    Light { name: String::new(), node: 0, kind, color, intensity: 20.0, range: None }
+    Light { name: String::new(), node: 0, kind, color, intensity: 20.0, range: None, shape: LightShape::Sharp }
 }
 
 /// Where the objects stand: in front of a camera at the origin that looks along -z.
@@ -201,7 +226,32 @@ impl Theatre {
         };
         let materials = material_records(&scene, &atlas);
         let textures = Textures::new(Atlas::pack(&scene.images, 64, 4).unwrap());
-        Self { scene, geometry, tlas, instances, materials, atlas, textures, lights, frame }
+        Self { scene, geometry, tlas, instances, materials, atlas, textures, lights, frame, lens: [0.0; 2] }
+    }
+
+    /// The same through an open lens, under lights that have an extent.
+    pub fn wide(size: [u32; 2], random: &mut Random) -> Self {
+        let mut theatre = Self::new(size);
+        let blades = random.pick(&[0.0, 5.0]);
+        theatre.frame.lens = [random.between(0.02, 0.3), random.between(0.0, 0.3), blades, 0.0];
+        // The focus has changed, the aperture not: the twin knows one lens point only.
+        theatre.frame.previous_lens = [theatre.frame.lens[0], 0.1, blades, 0.0];
+        theatre.frame.variation = random.below(3);
+        for (i, light) in theatre.lights.iter_mut().enumerate() {
+            light.shape = [LIGHT_RECTANGLE, LIGHT_DISC, LIGHT_SHARP][i % 3];
+            light.right = [0.3, 0.1, -0.2];
+            light.up = [-0.1, 0.2, 0.25];
+        }
+        theatre
+    }
+
+    /// What the twins are told of a theatre whose samples are drawn so: the lens point, and lights that are points.
+    pub fn drawn(mut self, draw: &Draw) -> Self {
+        let pair = |pair| seed_pair(&draw.sampler, self.frame.variation, draw.seed, pair);
+        let [lens, at] = [pair(PAIR_LENS), pair(PAIR_LIGHT)];
+        self.lens = lens_point(self.frame.lens, lens);
+        self.lights.iter_mut().for_each(|light| *light = light_point(light, at));
+        self
     }
 
     /// Textures are filtered where the scene has it so, and with `nearest` nowhere.
@@ -217,7 +267,14 @@ impl Theatre {
 
     pub fn stage(&self, alpha: bool) -> Stage<'_> {
         let world = World { geometry: &self.geometry, tlas: &self.tlas, instances: &self.instances };
-        Stage { frame: &self.frame, world, materials: &self.materials, textures: &self.textures, alpha }
+        Stage {
+            frame: &self.frame,
+            world,
+            materials: &self.materials,
+            textures: &self.textures,
+            alpha,
+            lens: self.lens,
+        }
     }
 
     /// Nodes as the device has them: the top level first.
@@ -253,8 +310,9 @@ fn lights() -> Vec<shaders::Light> {
         (LightKind::Point, DVec3::new(2.2, 0.2, -8.0), down),
         (LightKind::Point, DVec3::new(11.0, -2.4, -8.0), down),
     ];
-    let one =
-        |(kind, position, direction)| constants::light(&light(kind), &LightPose { position, direction }, DVec3::ZERO);
+    let one = |(kind, position, direction)| {
+        constants::light(&light(kind), &LightPose { position, direction, axes: [DVec3::X, DVec3::Y] }, DVec3::ZERO)
+    };
     placed.into_iter().map(one).collect()
 }
 

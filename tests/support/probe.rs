@@ -23,7 +23,7 @@ pub fn compile(file: &str, macros: &[&str], bindings: Vec<Binding>) -> &'static 
     let spirv = module.unwrap_or_else(|e| panic!("{e}")).as_binary().to_vec();
     Box::leak(Box::new(Shader {
         name: "probe",
-        spirv: spirv.leak(),
+        spirv: bytemuck::cast_slice(spirv.leak()),
         local_size: [64, 1, 1],
         push_size: 0,
         bindings: bindings.leak(),

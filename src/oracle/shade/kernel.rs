@@ -10,6 +10,7 @@ use super::light::light_at;
 use super::material::{Surface, surface_at};
 use crate::oracle::bounded::Bounded;
 use crate::oracle::camera::{Projection, project_within, transform_bounded};
+use crate::oracle::lens::lens_shift_bounded;
 use crate::oracle::shadow::light_weight;
 use crate::oracle::stage::{Stage, U, normal_error};
 use crate::oracle::traverse::transform_point;
@@ -55,10 +56,19 @@ fn locate(stage: &Stage<'_>, sample: &Sample) -> (Projection, Projection, f64) {
     let frame = stage.frame;
     let id = sample.instance & INSTANCE_MASK;
     let position = sample.position;
-    let before =
-        Frame { right: frame.previous_right, up: frame.previous_up, forward: frame.previous_forward, ..*frame };
-    let project = |frame: &Frame, at: [Bounded; 3]| project_within(frame, at, MOTION_REACH);
-    if id >= frame.instance_count {
+    let before = Frame {
+        right: frame.previous_right,
+        up: frame.previous_up,
+        forward: frame.previous_forward,
+        lens: frame.previous_lens,
+        ..*frame
+    };
+    let surface = id < frame.instance_count;
+    let project = |frame: &Frame, at: [Bounded; 3]| {
+        let shift = lens_shift_bounded(frame, stage.lens, at, surface);
+        project_within(frame, at, shift, MOTION_REACH)
+    };
+    if !surface {
         let at = position.map(Bounded::exact);
         return (project(frame, at), project(&before, at), f64::INFINITY);
     }
@@ -89,7 +99,8 @@ fn surface_radiance(
     let point = stage.surface(found.instance, found.primitive, found.u, found.v);
     let position = point.position.as_dvec3();
     let geometric = point.normal.as_dvec3();
-    let view = if position.length() > 0.0 { -position.normalize() } else { geometric };
+    let back = stage.eye().as_dvec3() - position;
+    let view = if back.length() > 0.0 { back.normalize() } else { geometric };
     let spot = stage.spot(found.primitive, found.u, found.v);
     let surface = surface_at(material, instance, &spot, geometric, view, stage.textures);
     let at = spot.attributes();

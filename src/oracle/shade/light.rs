@@ -1,6 +1,7 @@
-//! Twin of `glsl/include/light.glsl`: punctual lights.
+//! Twin of `glsl/include/light.glsl`: punctual lights, and those that have an extent.
 
-use crate::shaders::{LIGHT_DIRECTIONAL, LIGHT_SPOT, Light};
+use crate::oracle::lens::disc_point;
+use crate::shaders::{LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_POINT, LIGHT_SHARP, LIGHT_SPOT, Light};
 use glam::{DVec3, Vec3};
 
 /// What a light sends to a point.
@@ -16,6 +17,21 @@ pub struct Incident {
 
 /// Irradiances are cut off here.
 pub const IRRADIANCE_MAX: f64 = (1u64 << 60) as f64;
+
+/// One point of a light that has an extent, as a light, for coordinates in [0, 1): the mean over all is the light. In f32 and
+/// in the shader's order.
+pub fn light_point(light: &Light, at: [f32; 2]) -> Light {
+    if light.shape == LIGHT_SHARP {
+        return *light;
+    }
+    let [x, y] = if light.shape == LIGHT_DISC { disc_point(at) } else { at.map(|u| 2.0 * u - 1.0) };
+    let offset = Vec3::from(light.right) * x + Vec3::from(light.up) * y;
+    if light.kind == LIGHT_DIRECTIONAL {
+        let towards = Vec3::from(light.direction) + offset;
+        return Light { direction: (towards / towards.length()).to_array(), ..*light };
+    }
+    Light { position: (Vec3::from(light.position) + offset).to_array(), ..*light }
+}
 
 /// What `light` sends to a point in the same camera-relative space.
 pub fn light_at(light: &Light, point: [f32; 3]) -> Incident {
@@ -37,6 +53,9 @@ pub fn light_at(light: &Light, point: [f32; 3]) -> Incident {
         let cone = direction.dot(-unit) * f64::from(light.spot_scale) + f64::from(light.spot_offset);
         factor *= cone.clamp(0.0, 1.0).powi(2);
     }
+    if light.kind == LIGHT_POINT && light.shape != LIGHT_SHARP {
+        factor *= DVec3::from(light.direction.map(f64::from)).dot(-unit).max(0.0);
+    }
     let irradiance = (intensity * factor / (distance * distance)).min(DVec3::splat(IRRADIANCE_MAX));
     Incident { direction: unit, distance, irradiance }
 }
@@ -44,7 +63,6 @@ pub fn light_at(light: &Light, point: [f32; 3]) -> Incident {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shaders::LIGHT_POINT;
 
     fn lamp() -> Light {
         Light { position: [0.0, 2.0, 0.0], kind: LIGHT_POINT, intensity: [8.0, 4.0, 2.0], ..Light::default() }

@@ -8,6 +8,7 @@ mod cornell;
 mod font;
 mod hairball;
 mod noise;
+mod penumbra;
 mod random;
 mod shapes;
 mod spheres;
@@ -29,6 +30,7 @@ pub const NAMES: &[(&str, &str)] = &[
     ("terrain", "a fractal height field of 175x199 vertices with a finer texture"),
     ("spheres", "metal and plastic balls over a checkered floor, with moving instances (?beads=0..4096)"),
     ("cornell", "the Cornell box with a point light"),
+    ("penumbra", "soft shadows under a square luminaire (?light=0..800, its side in centimetres)"),
     ("strands", "flat unlit strands 0.3 to 1 pixel wide whose exact coverage is known (?count=1..64)"),
 ];
 
@@ -52,6 +54,7 @@ pub fn load(name: &str, seed: u32) -> Result<Scene> {
     let one = |parameter| Ok::<_, Error>(parameters(scene, query, std::slice::from_ref(parameter))?[0]);
     match scene {
         "hairball" => Ok(hairball::build(one(&hairball::STRANDS)?, seed)),
+        "penumbra" => Ok(penumbra::build(one(&penumbra::LIGHT)?)),
         "spheres" => Ok(spheres::build(one(&spheres::BEADS)?, seed)),
         "strands" => Ok(strands::build(one(&strands::COUNT)?, seed)),
         "text" => parameters(scene, query, &[]).map(|_| text::build()),

@@ -1,8 +1,8 @@
 //! Builds a [`Scene`] from parts with a line each.
 
 use crate::scene::{
-    Animation, Camera, Environment, Image, Instance, Light, LightKind, LocalTransform, Material, Mesh, Node, Scene,
-    Texture, TextureRef, Wrap,
+    Animation, Camera, Environment, Image, Instance, Lens, Light, LightKind, LightShape, LocalTransform, Material,
+    Mesh, Node, Scene, Texture, TextureRef, Wrap,
 };
 use glam::{Affine2, DMat3, DQuat, DVec3, Vec3};
 
@@ -55,7 +55,30 @@ impl Stage {
     pub(super) fn point_light(&mut self, position: DVec3, color: Vec3, intensity: f32) {
         let node = self.node("lamp", None, at(position));
         let kind = LightKind::Point;
-        self.scene.lights.push(Light { name: "lamp".to_owned(), node, kind, color, intensity, range: None });
+        self.scene.lights.push(Light {
+            name: "lamp".to_owned(),
+            node,
+            kind,
+            color,
+            intensity,
+            range: None,
+            shape: LightShape::Sharp,
+        });
+    }
+
+    /// A luminaire that shines `toward`; `intensity` in candela along it. Without an extent it shines to all sides.
+    pub(super) fn area_light(
+        &mut self,
+        position: DVec3,
+        toward: DVec3,
+        color: Vec3,
+        intensity: f32,
+        shape: LightShape,
+    ) {
+        let rotation = look_along(toward);
+        let node = self.node("lamp", None, LocalTransform::Trs { translation: position, rotation, scale: DVec3::ONE });
+        let kind = LightKind::Point;
+        self.scene.lights.push(Light { name: "lamp".to_owned(), node, kind, color, intensity, range: None, shape });
     }
 
     /// `toward` is where the light travels; `intensity` in lux.
@@ -64,7 +87,15 @@ impl Stage {
         let local = LocalTransform::Trs { translation: DVec3::ZERO, rotation, scale: DVec3::ONE };
         let node = self.node("sun", None, local);
         let kind = LightKind::Directional;
-        self.scene.lights.push(Light { name: "sun".to_owned(), node, kind, color, intensity, range: None });
+        self.scene.lights.push(Light {
+            name: "sun".to_owned(),
+            node,
+            kind,
+            color,
+            intensity,
+            range: None,
+            shape: LightShape::Sharp,
+        });
     }
 
     /// The camera `main`; `yfov` in radians.
@@ -72,7 +103,7 @@ impl Stage {
         let rotation = look_along(target - eye);
         let local = LocalTransform::Trs { translation: eye, rotation, scale: DVec3::ONE };
         let node = self.node("main", None, local);
-        self.scene.cameras.push(Camera { name: "main".to_owned(), node, yfov });
+        self.scene.cameras.push(Camera { name: "main".to_owned(), node, yfov, lens: Lens::PINHOLE });
     }
 
     pub(super) fn finish(self) -> Scene {

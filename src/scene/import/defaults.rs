@@ -4,7 +4,9 @@ use std::f32::consts::PI;
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
-use crate::scene::{Camera, Environment, Light, LightKind, LocalTransform, Material, Node, Scene, View};
+use crate::scene::{
+    Camera, Environment, Lens, Light, LightKind, LightShape, LocalTransform, Material, Node, Scene, View,
+};
 
 /// Vertical field of view of the framing camera, in radians.
 const YFOV: f64 = std::f64::consts::FRAC_PI_4;
@@ -39,7 +41,7 @@ impl Scene {
         if self.cameras.is_empty() {
             let view = self.framing_view();
             let node = self.add_root("framed", view.position, view.rotation);
-            self.cameras.push(Camera { name: "framed".to_owned(), node, yfov: view.yfov });
+            self.cameras.push(Camera { name: "framed".to_owned(), node, yfov: view.yfov, lens: view.lens });
         }
         let shines = |light: &Light| light.intensity > 0.0 && light.color.max_element() > 0.0;
         if !self.lights.iter().any(shines) && self.environment.radiance == Vec3::ZERO {
@@ -63,7 +65,7 @@ impl Scene {
         };
         let distance = (0..8).map(distance).fold(0.0, f64::max) * MARGIN;
         let distance = if distance > 0.0 { distance } else { 1.0 }; // a single point is seen from some distance
-        View { position: center + back * distance, rotation, yfov: YFOV }
+        View { position: center + back * distance, rotation, yfov: YFOV, lens: Lens::PINHOLE }
     }
 
     fn add_default_light(&mut self) {
@@ -77,6 +79,7 @@ impl Scene {
             color: Vec3::ONE,
             intensity: INTENSITY,
             range: None,
+            shape: LightShape::Sharp,
         });
     }
 

@@ -11,6 +11,7 @@ mod defaults;
 mod document;
 mod extensions;
 mod extent;
+mod extras;
 mod geometry;
 mod images;
 mod materials;

@@ -7,8 +7,9 @@ use gltf::json::extensions::scene::khr_lights_punctual::{Light as JsonLight, Typ
 use gltf::json::validation::Checked;
 
 use super::document::{Document, label, name_or};
+use super::extras;
 use crate::Result;
-use crate::scene::{Camera, Light, LightKind, LocalTransform, Node, Scene};
+use crate::scene::{Camera, Light, LightKind, LightShape, LocalTransform, Node, Scene};
 
 /// Where a node of the scene comes from; its own index is its place in the list.
 pub(super) struct Placed {
@@ -102,7 +103,8 @@ pub(super) fn import_cameras(document: &Document, placed: &[Placed], scene: &mut
             return Err(document.bad(message + ": repair it"));
         }
         let name = name_or("camera", index, camera.name.as_deref().or(name));
-        scene.cameras.push(Camera { name, node, yfov });
+        let lens = extras::lens(document, index)?;
+        scene.cameras.push(Camera { name, node, yfov, lens });
     }
     Ok(())
 }
@@ -122,7 +124,7 @@ pub(super) fn import_lights(document: &Document, placed: &[Placed], scene: &mut 
         let name = light.name.as_deref().or(source.and_then(|n| n.name.as_deref()));
         let light = import_light(light, name_or("light", index, name), node)
             .map_err(|what| document.bad(format!("the light of {node_label} has {what}: repair it")))?;
-        scene.lights.push(light);
+        scene.lights.push(Light { shape: extras::light_shape(document, index, light.kind)?, ..light });
     }
     Ok(())
 }
@@ -151,5 +153,5 @@ fn import_light(light: &JsonLight, name: String, node: usize) -> std::result::Re
         }
         Checked::Invalid => return Err("an unknown type"),
     };
-    Ok(Light { name, node, kind, color, intensity: light.intensity, range: light.range })
+    Ok(Light { name, node, kind, color, intensity: light.intensity, range: light.range, shape: LightShape::Sharp })
 }

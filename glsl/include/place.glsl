@@ -1,0 +1,83 @@
+// Where a sample is, and where the picture shows it: through its own point of the lens, if the camera has an aperture. Needs
+// bindings `frame` and `instances`, and with LENS `sampler_table`.
+
+#ifndef STILLRAY_PLACE
+#define STILLRAY_PLACE
+
+#include "camera.glsl"
+#include "seed.glsl"
+
+// The axes of a camera, and its lens.
+struct Eye {
+    vec4 right;
+    vec4 up;
+    vec3 forward;
+    vec4 lens;
+};
+
+Eye eye_now() {
+    return Eye(frame.data.right, frame.data.up, frame.data.forward.xyz, frame.data.lens);
+}
+
+Eye eye_before() {
+    return Eye(frame.data.previous_right, frame.data.previous_up, frame.data.previous_forward.xyz, frame.data.previous_lens);
+}
+
+bool is_surface(Sample s) {
+    return (s.instance & INSTANCE_MASK) < frame.data.instance_count;
+}
+
+// Camera-relative metres; a direction for the sky.
+vec3 relative_position(Sample s) {
+    vec3 relative = s.position;
+    if (is_surface(s)) {
+        relative = transform_point(instances.data[s.instance & INSTANCE_MASK].to_relative, s.position);
+    }
+    return relative;
+}
+
+#ifdef LENS
+#include "disc.glsl"
+
+// A sample's point of a lens, in metres along the axes across and up.
+vec2 lens_point(uint seed, vec4 lens) {
+    vec2 u = seed_pair(seed, PAIR_LENS);
+    vec2 unit = lens.z > 0.0 ? polygon_point(u, lens.z, lens.w) : disc_point(u);
+    precise vec2 p = unit * lens.x;
+    return p;
+}
+
+// Where a sample's camera ray starts, relative to the middle of the lens, metres.
+vec3 ray_origin(uint seed) {
+    vec2 p = lens_point(seed, frame.data.lens);
+    precise vec3 origin = frame.data.right.xyz * p.x + frame.data.up.xyz * p.y;
+    return origin;
+}
+
+// The direction through a point of the frame: it leads to the same point in focus as the ray through the middle.
+vec3 ray_direction(vec2 pixel, vec3 origin) {
+    precise vec3 direction = camera_direction(frame.data, pixel) - origin * frame.data.lens.y;
+    return direction;
+}
+
+// The ray from a lens point p through a point at depth z meets the plane in focus, at distance f, where the ray through the
+// middle goes to (x + p (z / f - 1)) / z; for the sky, whose point has no distance, to (x + p z / f) / z.
+vec2 through_lens(Eye eye, uint seed, vec3 relative, bool surface) {
+    vec2 p = lens_point(seed, eye.lens);
+    precise float out_of_focus = dot_precise(eye.forward, relative) * eye.lens.y - (surface ? 1.0 : 0.0);
+    precise vec2 shift = p * out_of_focus;
+    return shift;
+}
+#endif
+
+// Where the picture shows what is `relative` to the camera, as far out as `reach` times the frame's border.
+bool place_within(Eye eye, uint seed, vec3 relative, bool surface, float reach, out vec2 pixel) {
+#ifdef LENS
+    vec2 shift = through_lens(eye, seed, relative, surface);
+#else
+    const vec2 shift = vec2(0.0);
+#endif
+    return project_within(eye.right, eye.up, eye.forward, frame.data.size, relative, shift, reach, pixel);
+}
+
+#endif

@@ -1,0 +1,30 @@
+// What a sample carries of how it was drawn, where a frame models what is sampled: the pixel that it was made for and its
+// number there, from which follow its places on the lens and on lights. They travel with the sample, so that its noise stays
+// on the surface. Twin: src/oracle/seed.rs, exact. With bindings `sampler_table` and `frame` it tells the coordinates.
+
+#ifndef STILLRAY_SEED
+#define STILLRAY_SEED
+
+#include "types.glsl"
+
+// 14 bits a pixel coordinate, 4 bits of number: a frame has 16384 pixels across at most, and a pixel 16 samples.
+uint new_seed(uvec2 pixel, uint number) {
+    return pixel.x | (pixel.y << 14) | (number << 28);
+}
+
+#if defined(LENS) || defined(AREA)
+#include "sampler.glsl"
+
+// Pairs of dimensions of a path; 0 is the place in the pixel.
+const uint PAIR_LENS = 1u;
+const uint PAIR_LIGHT = 3u;
+
+// A pair of coordinates in [0, 1).
+vec2 seed_pair(uint seed, uint pair) {
+    uvec2 pixel = uvec2(seed & 16383u, (seed >> 14) & 16383u);
+    uvec2 at = sampler_pair(pixel, (seed >> 28) + 16u * frame.data.variation, pair);
+    return vec2(unit_float(at.x), unit_float(at.y));
+}
+#endif
+
+#endif

@@ -1,0 +1,63 @@
+//! What a frame models: no more than its scene and its settings need.
+//!
+//! From it follow the variants of the shaders that run (`// models:` in `glsl/*.comp`), what samples carry besides their 16
+//! bytes, and which buffers there are. What is left out costs nothing, and the pictures are the same to the bit: with
+//! `model = all`, everything that a scene may need is modelled whether it does or not, to compare with.
+
+use crate::scene::requirements::{Feature, Requirements};
+use crate::settings::{Aov, Modelling, Settings};
+use crate::shaders;
+
+/// Something that is modelled or left out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part {
+    /// Its bit, one of the `MODEL_` constants of [`crate::shaders`].
+    pub bit: u32,
+    /// What it is.
+    pub name: &'static str,
+    /// What it costs where it is modelled.
+    pub price: &'static str,
+    /// What needs it; none if it is left out.
+    pub cause: Option<String>,
+}
+
+/// What is modelled.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Model {
+    /// Everything that could be, with its causes.
+    pub parts: Vec<Part>,
+}
+
+impl Model {
+    /// What a scene and settings need.
+    pub fn of(scene: &Requirements, settings: &Settings) -> Self {
+        let feature = |feature: Feature| scene.cause(feature).map(str::to_owned);
+        let all = || (settings.modelling == Modelling::All).then(|| "model = all".to_owned());
+        let keeps = settings.method.keeps_samples();
+        let aov = |aov: Aov| (keeps && settings.aovs.contains(&aov)).then(|| format!("the AOV '{}'", aov.name()));
+        let alpha = feature(Feature::AlphaMask).or_else(|| feature(Feature::AlphaBlend)).or_else(all);
+        let lens = feature(Feature::Lens).or_else(all);
+        let area = feature(Feature::AreaLights).or_else(all);
+        let seed = lens.clone().or_else(|| area.clone());
+        let part = |bit, name, price, cause| Part { bit, name, price, cause };
+        let parts = vec![
+            part(shaders::MODEL_ALPHA, "holes in surfaces", "a look at the material at every hit", alpha),
+            part(shaders::MODEL_LENS, "an aperture", "a lens point a sample, in every phase that projects it", lens),
+            part(shaders::MODEL_AREA, "lights with an extent", "a point on the light a sample", area),
+            part(shaders::MODEL_SEED, "seeds of samples", "4 bytes a cached sample", seed),
+            part(shaders::MODEL_AGE, "ages of samples", "4 bytes a cached sample", aov(Aov::Age)),
+            part(shaders::MODEL_SOURCE, "what samples were", "8 bytes a cached sample", aov(Aov::Changes)),
+        ];
+        Self { parts }
+    }
+
+    /// The bits of all parts that are modelled.
+    pub fn bits(&self) -> u32 {
+        self.parts.iter().filter(|p| p.cause.is_some()).fold(0, |bits, part| bits | part.bit)
+    }
+
+    /// Whether a part is modelled.
+    pub fn has(&self, bit: u32) -> bool {
+        self.bits() & bit != 0
+    }
+}

@@ -1,0 +1,84 @@
+//! What glTF has no words for: `extras.stillray` of cameras and punctual lights.
+//!
+//! ```json
+//! "cameras": [{ ..., "extras": { "stillray": { "aperture": 0.05, "focus": 4.0, "blades": 6 } } }]
+//! "lights": [{ ..., "extras": { "stillray": { "shape": "rectangle", "width": 1.2, "height": 0.6 } } }]
+//! ```
+//!
+//! Lengths are metres; the sizes of directional lights are degrees of the sky. A key that is not known is refused, as is a
+//! value out of range: both are most likely mistakes.
+
+use serde_json::{Map, Value};
+
+use super::document::Document;
+use crate::Result;
+use crate::scene::{Lens, LightKind, LightShape};
+
+/// The lens of a camera.
+pub(super) fn lens(document: &Document, camera: usize) -> Result<Lens> {
+    let Some(extras) = Extras::of(document, &["cameras"], camera)? else { return Ok(Lens::PINHOLE) };
+    extras.only(&["aperture", "focus", "blades"])?;
+    let aperture = extras.number("aperture", "at least 0, in metres", |n| n >= 0.0)?.unwrap_or(0.0);
+    let focus = extras.number("focus", "above 0, in metres", |n| n > 0.0)?.unwrap_or(f64::INFINITY);
+    let is_blades = |n: f64| n == 0.0 || (n.fract() == 0.0 && (3.0..=16.0).contains(&n));
+    let blades = extras.number("blades", "0 or a whole number from 3 to 16", is_blades)?.unwrap_or(0.0);
+    Ok(Lens { aperture, focus, blades: blades as u32 })
+}
+
+/// The extent of a punctual light.
+pub(super) fn light_shape(document: &Document, light: usize, kind: LightKind) -> Result<LightShape> {
+    let path = ["extensions", "KHR_lights_punctual", "lights"];
+    let Some(extras) = Extras::of(document, &path, light)? else { return Ok(LightShape::Sharp) };
+    extras.only(&["shape", "width", "height"])?;
+    let directional = kind == LightKind::Directional;
+    let (range, most) =
+        if directional { ("from 0 to 90, in degrees", 90.0) } else { ("at least 0, in metres", f64::from(f32::MAX)) };
+    let side = |key| extras.number(key, range, |n| (0.0..=most).contains(&n));
+    let width = side("width")?.unwrap_or(0.0);
+    let height = side("height")?.unwrap_or(width);
+    let size = [width, height].map(|n| (if directional { n.to_radians() } else { n }) as f32);
+    match extras.entries.get("shape").and_then(Value::as_str) {
+        Some("rectangle") => Ok(LightShape::Rectangle(size)),
+        Some("disc") => Ok(LightShape::Disc(size)),
+        _ => Err(extras.bad("shape", "\"rectangle\" or \"disc\"")),
+    }
+}
+
+/// `extras.stillray` of an element of the file.
+struct Extras<'a> {
+    document: &'a Document,
+    place: String,
+    entries: &'a Map<String, Value>,
+}
+
+impl<'a> Extras<'a> {
+    /// Of element `index` of the array at a path; none if it has none.
+    fn of(document: &'a Document, path: &[&str], index: usize) -> Result<Option<Self>> {
+        let array = path.iter().try_fold(&document.tree, |tree, key| tree.get(key));
+        let element = array.and_then(|array| array.get(index));
+        let Some(ours) = element.and_then(|e| e.get("extras")?.get("stillray")) else { return Ok(None) };
+        let place = format!("{}[{index}].extras.stillray", path.last().copied().unwrap_or_default());
+        match ours.as_object() {
+            Some(entries) => Ok(Some(Self { document, place, entries })),
+            None => Err(document.bad(format!("{place} is {ours}; expected an object"))),
+        }
+    }
+
+    fn bad(&self, key: &str, expected: &str) -> crate::Error {
+        let found = self.entries.get(key).map_or_else(|| "missing".to_owned(), Value::to_string);
+        self.document.bad(format!("{}.{key} is {found}; expected {expected}", self.place))
+    }
+
+    fn only(&self, known: &[&str]) -> Result<()> {
+        match self.entries.keys().find(|key| !known.contains(&key.as_str())) {
+            Some(key) => Err(self.bad(key, &format!("only the keys {}", known.join(", ")))),
+            None => Ok(()),
+        }
+    }
+
+    fn number(&self, key: &str, expected: &str, allowed: impl Fn(f64) -> bool) -> Result<Option<f64>> {
+        let Some(value) = self.entries.get(key) else { return Ok(None) };
+        let number = value.as_f64().filter(|n| n.is_finite() && allowed(*n));
+        number.map(Some).ok_or_else(|| self.bad(key, expected))
+    }
+}
