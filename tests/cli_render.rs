@@ -227,7 +227,7 @@ fn info_tells_what_is_modelled_and_what_is_left_out() {
 fn a_lens_is_asked_for_on_the_command_line() {
     let dir = tempfile::tempdir().unwrap();
     let render = |name: &str, more: &str| {
-        run(dir.path(), &format!("render builtin:cornell --size 48x32 --out {name} --quiet {more}"));
+        run(dir.path(), format!("render builtin:cornell --size 48x32 --out {name} --quiet {more}").trim_end());
         std::fs::read(dir.path().join(name).join("frame_0000.png")).unwrap()
     };
     let sharp = render("a", "");
