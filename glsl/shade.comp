@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // The radiance of every visible sample towards the camera.
 //
-// models: LENS AREA
+// models: LENS AREA ENVIRONMENT
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -21,14 +21,20 @@ layout(set = 0, binding = 11, std430) readonly buffer Samples { Sample data[]; }
 layout(set = 0, binding = 12, std430) readonly buffer FoundBlock { Found data[]; } found;
 layout(set = 0, binding = 13, std430) readonly buffer Lit { uint data[]; } lit;
 layout(set = 0, binding = 14, std430) writeonly buffer ShadedBlock { Shaded data[]; } shaded;
-#if defined(LENS) || defined(AREA)
+#if defined(LENS) || defined(AREA) || defined(ENVIRONMENT)
 layout(set = 0, binding = 15, std430) readonly buffer Seeds { uint data[]; } seeds;
 layout(set = 0, binding = 16, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#ifdef ENVIRONMENT
+layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data[]; } environment_map;
 #endif
 
 #define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
 #include "brdf.glsl"
 #include "choice.glsl"
+#ifdef ENVIRONMENT
+#include "environment.glsl"
+#endif
 #include "light.glsl"
 #include "material.glsl"
 #include "place.glsl"
@@ -77,6 +83,13 @@ vec3 surface_radiance(Found f, uint slot, uint lit_bits) {
             radiance += part * (incident.irradiance * weight);
         }
     }
+#ifdef ENVIRONMENT
+    if (has_environment_map() && (lit_bits >> ENVIRONMENT_LIGHT & 1u) != 0u) {
+        FromAfar sky = environment_sample(seed_bits(seeds.data[slot], PAIR_ENVIRONMENT));
+        vec3 part = reflect_light(s.base_color, s.metallic, s.roughness, s.normal, view, sky.direction);
+        radiance += part * min(sky.irradiance, vec3(IRRADIANCE_MAX));
+    }
+#endif
     return radiance;
 }
 
@@ -122,6 +135,11 @@ void main() {
     if (f.instance != SKY_INSTANCE) {
         radiance = surface_radiance(f, slot, lit.data[slot]);
     }
+#ifdef ENVIRONMENT
+    else if (has_environment_map()) {
+        radiance += environment_radiance(samples.data[slot].position);
+    }
+#endif
     vec2 offset;
     vec2 motion;
     float depth;

@@ -1,9 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // One shadow ray a light, up to a number, for every visible sample. A bit of `lit` says that the light reaches the sample;
-// the rays towards lights behind the surface are not traced and leave their bits zero, as do lights that are not chosen.
+// the rays towards lights behind the surface are not traced and leave their bits zero, as do lights that are not chosen. A map
+// of light from all around gets one ray more, and the last bit.
 //
-// models: ALPHA LENS AREA
+// models: ALPHA LENS AREA ENVIRONMENT
 #define TRAVERSE_ANY
 #include "types.glsl"
 
@@ -26,15 +27,21 @@ layout(set = 0, binding = 12, std430) readonly buffer Vertices { Vertex data[]; 
 layout(set = 0, binding = 13) uniform sampler2DArray atlas;
 layout(set = 0, binding = 14, std430) readonly buffer Srgb { float data[256]; } srgb;
 #endif
-#if defined(LENS) || defined(AREA)
+#if defined(LENS) || defined(AREA) || defined(ENVIRONMENT)
 layout(set = 0, binding = 15, std430) readonly buffer Seeds { uint data[]; } seeds;
 layout(set = 0, binding = 16, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#ifdef ENVIRONMENT
+layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data[]; } environment_map;
 #endif
 #include "place.glsl"
 #ifdef ALPHA
 #include "alpha_hit.glsl"
 #endif
 #include "choice.glsl"
+#ifdef ENVIRONMENT
+#include "environment.glsl"
+#endif
 #ifdef AREA
 #include "light.glsl"
 #endif
@@ -63,23 +70,42 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
     uint lights_left = frame.data.light_count;
     bool untraced = frame.data.shadow_rays == 0u;
     uint wanted = untraced ? lights_left : min(frame.data.shadow_rays, lights_left);
-    for (uint i = 0u; i < frame.data.light_count; ++i) {
-        h = hash_uint(h);
-        bool chosen = h % lights_left < wanted;
-        wanted -= uint(chosen);
-        --lights_left;
-#ifdef AREA
-        Light light = light_point(lights.data[i], at);
-#else
-        Light light = lights.data[i];
+    uint ends = frame.data.light_count;
+#ifdef ENVIRONMENT
+    // One direction of the map comes last, as a light that is always chosen: in the same loop, for compilers unroll each call of
+    // a traversal by itself.
+    vec3 sky = environment_sample(seed_bits(seeds.data[slot], PAIR_ENVIRONMENT)).direction;
+    ends += has_environment_map() ? 1u : 0u;
 #endif
+    for (uint i = 0u; i < ends; ++i) {
+        uint bit = i;
+        bool chosen = true;
+        Light light;
+#ifdef ENVIRONMENT
+        if (i == frame.data.light_count) {
+            bit = ENVIRONMENT_LIGHT;
+            light.kind = LIGHT_DIRECTIONAL;
+            light.direction = -sky;
+        } else
+#endif
+        {
+            h = hash_uint(h);
+            chosen = h % lights_left < wanted;
+            wanted -= uint(chosen);
+            --lights_left;
+#ifdef AREA
+            light = light_point(lights.data[i], at);
+#else
+            light = lights.data[i];
+#endif
+        }
         bool directional = light.kind == LIGHT_DIRECTIONAL;
         vec3 towards = directional ? -light.direction : light.position - point.position;
         if (!chosen || !(dot(point.normal, towards) * viewer_side > 0.0)) {
             continue;
         }
         if (untraced) {
-            bits |= 1u << i;
+            bits |= 1u << bit;
             continue;
         }
         vec3 origin = offset_origin(point, towards);
@@ -87,7 +113,7 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
         // A ray towards a point light ends at t = 1, the light itself.
         float tmax = directional ? uintBitsToFloat(INFINITY_BITS) : 1.0;
         ++rays;
-        bits |= traverse(origin, direction, tmax).primitive == HIT_SKY ? 1u << i : 0u;
+        bits |= traverse(origin, direction, tmax).primitive == HIT_SKY ? 1u << bit : 0u;
     }
     return bits;
 }

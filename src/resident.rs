@@ -7,11 +7,12 @@ use crate::phase::SceneResources;
 use crate::progress::Progress;
 use crate::scene::atlas::{self, Atlas};
 use crate::scene::requirements::{self, Requirements};
-use crate::scene::{Environment, Light, Scene};
+use crate::scene::{Environment, EnvironmentMap, Light, Scene};
 use crate::{Error, Result};
 use ash::vk;
 
-/// Most lights of a scene: a shaded sample keeps one bit for each.
+/// Most lights of a scene: a shaded sample keeps one bit for each. Where there is a map of light from all around, one of the bits
+/// is for that.
 pub const MAX_LIGHTS: usize = 32;
 
 /// A scene on a device. Renderers of the same context share it.
@@ -28,10 +29,12 @@ pub struct ResidentScene {
     vertices: Buffer,
     materials: Buffer,
     srgb: Buffer,
+    environment_map: Buffer,
     atlas: Image,
     sampler: Sampler,
 }
 
+const SMALLER_MAP: &str = "use an environment map with fewer texels";
 const FEWER_TRIANGLES: &str = "use a scene with fewer triangles (builtin:hairball takes ?strands=N)";
 
 impl ResidentScene {
@@ -39,15 +42,9 @@ impl ResidentScene {
     ///
     /// # Errors
     /// [`Error::TooLarge`] if a buffer exceeds the device's limit, [`Error::OutOfMemory`], and [`Error::Setting`] for more
-    /// than [`MAX_LIGHTS`] lights.
+    /// than [`MAX_LIGHTS`] lights, or an environment map that is not whole.
     pub fn new(context: &Context, scene: &Scene, progress: &dyn Progress) -> Result<Self> {
-        if scene.lights.len() > MAX_LIGHTS {
-            return Err(Error::Setting {
-                name: "lights",
-                value: scene.lights.len().to_string(),
-                expected: format!("a scene with at most {MAX_LIGHTS} punctual lights"),
-            });
-        }
+        check_lights(scene)?;
         let geometry = Geometry::build(scene, &BvhBuildParams::medium_build(), progress)?;
         let upload = |purpose: &str, bytes: &[u8]| Buffer::with_data(context, purpose, bytes, FEWER_TRIANGLES);
         let limits = &context.fit().properties.limits;
@@ -66,6 +63,7 @@ impl ResidentScene {
             vertices: upload("vertices", bytemuck::cast_slice(&geometry.vertices))?,
             materials: upload("materials", bytemuck::cast_slice(&atlas::material_records(scene, &pages)))?,
             srgb: upload("sRGB table", bytemuck::cast_slice(&atlas::srgb_table()))?,
+            environment_map: upload_map(context, scene.environment_map.as_ref())?,
             atlas: upload_atlas(context, &pages)?,
             sampler: Sampler::new(context)?,
             geometry,
@@ -82,6 +80,7 @@ impl ResidentScene {
             materials: Range::whole("materials", &self.materials),
             atlas: Resource::Sampled("atlas", self.atlas.view(), self.sampler.raw()),
             srgb: Range::whole("srgb", &self.srgb),
+            environment_map: Range::whole("environment map", &self.environment_map),
         }
     }
 
@@ -98,6 +97,35 @@ impl ResidentScene {
         let size = 80 * u64::from(self.geometry.tlas_capacity);
         Range { name: "top level", size, ..Range::whole("nodes", &self.nodes) }
     }
+}
+
+fn check_lights(scene: &Scene) -> Result<()> {
+    let wrong = |name, value: String, expected: String| Err(Error::Setting { name, value, expected });
+    let (most, beside) = match &scene.environment_map {
+        None => (MAX_LIGHTS, ""),
+        Some(map) if !map.is_whole() => {
+            let size = format!("{} x {} with {} texels", map.width, map.height, map.texels.len());
+            return wrong(
+                "environment_map",
+                size,
+                "as many texels as its sides say, and sides that are in range".to_owned(),
+            );
+        }
+        Some(_) => (MAX_LIGHTS - 1, " beside its environment map"),
+    };
+    if scene.lights.len() > most {
+        return wrong(
+            "lights",
+            scene.lights.len().to_string(),
+            format!("a scene with at most {most} punctual lights{beside}"),
+        );
+    }
+    Ok(())
+}
+
+fn upload_map(context: &Context, map: Option<&EnvironmentMap>) -> Result<Buffer> {
+    let table = EnvironmentMap::table(map);
+    Buffer::with_data(context, "environment map", bytemuck::cast_slice(&table), SMALLER_MAP)
 }
 
 fn upload_atlas(context: &Context, pages: &Atlas) -> Result<Image> {

@@ -9,7 +9,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use stillray::report::openexr::Exr;
+use stillray::report::openexr::{Channel, Exr};
 
 fn command(folder: &Path, arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_stillray"));
@@ -237,6 +237,29 @@ fn a_lens_is_asked_for_on_the_command_line() {
     // In a placed camera too.
     let placed = "--camera 0,2.7,10:0,2.7,0";
     assert!(render("f", placed) != render("g", &format!("{placed} --aperture 1 --focus 4")));
+}
+
+#[test]
+fn light_from_all_around_is_asked_for_on_the_command_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let data: Vec<f32> = (0..32).map(|i| if i % 8 < 4 { 1.0 } else { 0.1 }).collect();
+    let channel = |name: &str| Channel { name: name.to_owned(), half: true, data: data.clone() };
+    let channels = ["B", "G", "R"].map(channel).to_vec();
+    Exr { width: 8, height: 4, fps: None, channels }.write(&dir.path().join("sky.exr")).unwrap();
+    let render = |name: &str, more: &str| {
+        run(dir.path(), &format!("render builtin:spheres?beads=0 --size 48x32 --out {name} --quiet {more}"));
+        std::fs::read(dir.path().join(name).join("frame_0000.png")).unwrap()
+    };
+    let mapped = render("a", "--environment sky.exr");
+    assert!(mapped != render("b", "--environment sky.exr --environment-turn 90"));
+    assert!(mapped == render("c", "--environment sky.exr --environment-turn 360"));
+    assert!(mapped != render("d", "--environment sky.exr --environment-scale 2"));
+    let day = render("e", "--sky 3");
+    assert!(day == render("f", "--sky 3 --sun 130,35") && day != render("g", "--sky 3 --sun=-60,10"));
+    assert!(day != render("h", "--sky 3 --environment-scale 0.5") && day != render("i", "--sky 8"));
+    let info = run(dir.path(), "info builtin:skylight --size 40x30").stdout;
+    let info = String::from_utf8_lossy(&info);
+    assert!(info.contains("sky of turbidity 3") && info.contains("a map of light from all around"), "{info}");
 }
 
 #[cfg(unix)]

@@ -1,12 +1,13 @@
-//! Lenses and lights with an extent, from what glTF leaves to applications: `extras.stillray`.
-#![allow(clippy::unwrap_used)] // a panic is a failing test
+//! Lenses, lights with an extent and maps of light from all around, from what glTF leaves to applications: `extras.stillray`.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic is a failing test
 
 #[path = "support/gltf.rs"]
 mod gltf;
 
-use gltf::{File, push};
+use gltf::{File, data_uri, push};
 use serde_json::{Value, json};
-use stillray::scene::{Lens, LightShape};
+use stillray::report::openexr::{Channel, Exr};
+use stillray::scene::{Lens, LightShape, Scene};
 
 /// A camera and two lights, with these extras.
 fn file(camera: Value, lamp: Value, sun: Value) -> File {
@@ -64,7 +65,7 @@ fn what_is_wrong_is_told_with_key_value_and_range() {
         (1, json!({ "shape": "line" }), ["lights[0].extras.stillray.shape", "\"line\"", "\"rectangle\" or \"disc\""]),
         (1, json!({ "width": 1 }), ["shape", "missing", "\"rectangle\" or \"disc\""]),
         (1, json!({ "shape": "disc", "width": -1 }), ["width", "-1", "at least 0, in metres"]),
-        (1, json!({ "shape": "disc", "width": 1e39 }), ["width", "1e39", "at least 0, in metres"]),
+        (1, json!({ "shape": "disc", "width": 1e39 }), ["width", "1e+39", "at least 0, in metres"]),
         (2, json!({ "shape": "disc", "width": 91 }), ["lights[1].extras.stillray.width", "91", "from 0 to 90"]),
     ];
     for (place, value, words) in wrong {
@@ -73,5 +74,80 @@ fn what_is_wrong_is_told_with_key_value_and_range() {
         let [camera, lamp, sun] = extras;
         let message = file(camera, lamp, sun).message();
         assert!(words.iter().all(|word| message.contains(word)), "{words:?}: {message}");
+    }
+}
+
+/// The bytes of a picture of 4 x 2 texels with these channels.
+fn picture(channels: &[&str], first: f32) -> Vec<u8> {
+    let data: Vec<f32> = (0..8).map(|i| if i == 0 { first } else { i as f32 }).collect();
+    let channel = |name: &&str| Channel { name: (*name).to_owned(), half: false, data: data.clone() };
+    let picture = Exr { width: 4, height: 2, fps: None, channels: channels.iter().map(channel).collect() };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.exr");
+    picture.write(&path).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+fn lit_by(environment: Value) -> File {
+    let mut file = File::triangle();
+    file.json["scenes"][0]["extras"] = json!({ "stillray": { "environment": environment } });
+    file
+}
+
+fn exr(bytes: &[u8]) -> String {
+    data_uri("image/x-exr", bytes)
+}
+
+#[test]
+fn a_map_arrives() {
+    let file = exr(&picture(&["R", "G", "B"], 0.5));
+    let scene = lit_by(json!({ "file": file, "scale": 2, "turn": 90 })).scene();
+    let map = scene.environment_map.unwrap();
+    assert_eq!((map.width, map.height, map.scale, map.turn), (4, 2, 2.0, std::f64::consts::FRAC_PI_2));
+    assert_eq!(map.texels[..3], [[0.5; 3], [1.0; 3], [2.0; 3]]);
+    // Light of its own: none stands in.
+    assert!(scene.lights.is_empty() && scene.environment.radiance == glam::Vec3::ZERO);
+    let grey = lit_by(json!({ "file": exr(&picture(&["Y"], 3.0)) })).scene();
+    assert_eq!(grey.environment_map.unwrap().texels[0], [3.0; 3]);
+    assert_eq!(lit_by(json!({ "file": file })).scene().environment_map.unwrap().scale, 1.0);
+    assert!(File::triangle().scene().environment_map.is_none());
+}
+
+#[test]
+fn texels_that_are_no_light_are_cut_off_with_a_notice() {
+    let told = |scene: &Scene| scene.notices.iter().any(|n| n.contains("1 of 8 texels"));
+    for (value, becomes) in [(f32::NAN, 0.0), (-1.0, 0.0), (f32::INFINITY, 65504.0), (f32::NEG_INFINITY, 0.0)] {
+        let scene = lit_by(json!({ "file": exr(&picture(&["R", "G", "B"], value)) })).scene();
+        assert!(told(&scene), "{:?}", scene.notices);
+        assert_eq!(scene.environment_map.unwrap().texels[0], [becomes; 3], "{value}");
+    }
+    assert!(!told(&lit_by(json!({ "file": exr(&picture(&["R", "G", "B"], 1e6)) })).scene()));
+}
+
+#[test]
+fn a_map_that_cannot_be_read_is_refused_with_the_reason() {
+    let good = picture(&["R", "G", "B"], 1.0);
+    let mut vast = good.clone();
+    let window = vast.windows(17).position(|w| w == b"dataWindow\0box2i\0").unwrap() + 17 + 4;
+    vast[window + 8..window + 16].copy_from_slice(&[0xff, 0xff, 0, 0, 0xff, 0xff, 0, 0]);
+    let wrong = [
+        (json!(3), ["environment", "3", "an object"]),
+        (json!({}), ["scenes[0].extras.stillray.environment.file", "missing", "OpenEXR"]),
+        (json!({ "file": "absent.exr" }), ["environment.file", "'absent.exr'", "put the file beside"]),
+        (json!({ "file": "/etc/passwd" }), ["environment.file", "absolute", "relative"]),
+        (json!({ "file": exr(b"not a picture") }), ["environment.file", "OpenEXR", "equirectangular"]),
+        (json!({ "file": exr(&picture(&["depth.Z"], 1.0)) }), ["environment.file", "depth.Z", "save it as RGB"]),
+        (json!({ "file": exr(&vast) }), ["environment.file", "65536 x 65536", "scale it down"]),
+        (json!({ "file": exr(&good), "scale": -1 }), ["environment.scale", "-1", "at least 0"]),
+        (json!({ "file": exr(&good), "turn": 361 }), ["environment.turn", "361", "from -360 to 360"]),
+        (json!({ "file": exr(&good), "rotation": 3 }), ["rotation", "3", "file, scale, turn"]),
+    ];
+    for (value, words) in wrong {
+        let message = lit_by(value).message();
+        assert!(words.iter().all(|word| message.contains(word)), "{words:?}: {message}");
+    }
+    // A file that ends too early, wherever that is, is refused and nothing else.
+    for length in 0..good.len() {
+        lit_by(json!({ "file": exr(&good[..length]) })).message();
     }
 }

@@ -11,12 +11,12 @@ use rayon::prelude::*;
 use stage_support::{Draw, Gallery, Theatre};
 use std::cell::Cell;
 use stillray::gpu::Context;
-use stillray::oracle::shadow::{Outcome, chosen_lights, light_weight, shadow, shadow_query};
+use stillray::oracle::shadow::{Outcome, chosen_lights, light_from_afar, light_weight, shadow, shadow_query};
 use stillray::oracle::traverse::{Intersection, Query, any_with_alpha};
 use stillray::oracle::verify::verify;
 use stillray::shaders::{
-    self, Counters, FOUND_LOST, Found, Frame, HIT_SKY, INFINITY_BITS, Light, MODEL_ALPHA, MODEL_AREA, MODEL_LENS,
-    OCCLUDED_BIT,
+    self, Counters, ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, HIT_SKY, INFINITY_BITS, Light, MODEL_ALPHA,
+    MODEL_AREA, MODEL_ENVIRONMENT, MODEL_LENS, OCCLUDED_BIT,
 };
 use stillray::shaders::{SKY_INSTANCE, Sample};
 use support::kernel::{Kernel, blank, data, values};
@@ -30,20 +30,28 @@ struct Device {
     kernel: Kernel,
     alpha: bool,
     draw: Option<Draw>,
+    afar: bool,
 }
 
 impl Device {
     fn new(alpha: bool) -> Self {
         let context = support::validated_context();
         let shader = shaders::shadow::modelling(if alpha { MODEL_ALPHA } else { 0 });
-        Self { kernel: Kernel::new(&context, shader), context, alpha, draw: None }
+        Self { kernel: Kernel::new(&context, shader), context, alpha, draw: None, afar: false }
     }
 
     /// Of what models holes, a lens and lights that have an extent.
     fn wide(draw: Draw) -> Self {
         let context = support::validated_context();
         let shader = shaders::shadow::modelling(MODEL_ALPHA | MODEL_LENS | MODEL_AREA);
-        Self { kernel: Kernel::new(&context, shader), context, alpha: true, draw: Some(draw) }
+        Self { kernel: Kernel::new(&context, shader), context, alpha: true, draw: Some(draw), afar: false }
+    }
+
+    /// Of what models a map of light from all around as well.
+    fn afar(draw: Draw) -> Self {
+        let context = support::validated_context();
+        let shader = shaders::shadow::modelling(MODEL_ALPHA | MODEL_LENS | MODEL_AREA | MODEL_ENVIRONMENT);
+        Self { kernel: Kernel::new(&context, shader), context, alpha: true, draw: Some(draw), afar: true }
     }
 
     /// Bits a sample, and the count of rays.
@@ -70,6 +78,7 @@ impl Device {
             bound.extend([gallery.bound(), Gallery::srgb()]);
         }
         bound.extend(self.draw.iter().flat_map(|draw| draw.bound(padded.len())));
+        bound.extend(self.afar.then(|| data(&theatre.environment)));
         self.kernel.run(&mut bound, &[], [(padded.len() as u32).div_ceil(2).next_multiple_of(64), 2, 1]);
         let mut bits = values::<u32>(&bound[8]);
         assert!(bits.split_off(found.len()).iter().all(|b| *b == u32::MAX), "written behind the list's end");
@@ -137,8 +146,9 @@ fn compare(
     for ((found, want), got) in list.iter().zip(want).zip(&got.0) {
         for i in (0..32).filter(|i| (want.bits ^ got) >> i & 1 != 0) {
             let doubtful = want.doubtful >> i & 1 != 0;
-            let light = theatre.lights.get(i).ok_or("a bit without a light")?;
-            if !(doubtful || is_visible(found) && is_grazing(theatre, alpha, found, light)) {
+            let afar = light_from_afar(&theatre.stage(alpha)).filter(|_| i == ENVIRONMENT_LIGHT as usize);
+            let light = theatre.lights.get(i).copied().or(afar).ok_or("a bit without a light")?;
+            if !(doubtful || is_visible(found) && is_grazing(theatre, alpha, found, &light)) {
                 return Err(format!("{found:?}: {got:b} instead of {:b}", want.bits));
             }
             differing += 1;
@@ -198,6 +208,43 @@ fn points_of_lights_are_seen_as_the_twin_sees_them() {
     }
     println!("{differing} bits of 16000 samples differ");
     assert!(differing * 1000 <= 16_000, "{differing}");
+}
+
+#[test]
+fn a_direction_of_the_map_is_seen_as_the_twin_sees_it() {
+    let mut differing = 0;
+    let mut bits = [0; 2];
+    for seed in 0..8 {
+        let random = &mut Random::new(180 + seed);
+        let device = Device::afar(Draw::random(random));
+        let draw = device.draw.as_ref().unwrap();
+        let wide = |rays: u32| {
+            let mut theatre = Theatre::wide(SIZE, &mut Random::new(190 + seed));
+            theatre.frame.shadow_rays = rays;
+            theatre
+        };
+        let mapped = |rays| wide(rays).under_a_map(&mut Random::new(200 + seed));
+        let list = random_list(&mapped(32).drawn(draw), seed, 2000);
+        for rays in [0, 1, 32] {
+            let seen = mapped(rays).drawn(draw);
+            let got = device.run(&mapped(rays), &list);
+            differing += compare(&seen, true, &list, &twins(&seen, &list, true), &got).unwrap();
+            assert!((rays == 0) == (got.1 == 0), "a ray for the map where there are rays");
+            got.0.iter().for_each(|b| bits[(b >> ENVIRONMENT_LIGHT) as usize] += 1);
+            // Negative controls: a direction to the other side, and no map.
+            let opposite = seen.afar_at.map(|x| x ^ 1 << 31);
+            let other = Theatre { afar_at: opposite, ..mapped(rays).drawn(draw) };
+            let direction = |theatre: &Theatre| light_from_afar(&theatre.stage(true)).unwrap().direction;
+            let apart = Vec3::from(direction(&other)).distance(Vec3::from(direction(&seen)));
+            assert!(apart < 0.1 || compare(&other, true, &list, &twins(&other, &list, true), &got).is_err());
+            let none = wide(rays).drawn(draw);
+            assert!(compare(&none, true, &list, &twins(&none, &list, true), &got).is_err());
+            assert!(compare(&none, true, &list, &twins(&none, &list, true), &device.run(&wide(rays), &list)).is_ok());
+        }
+        support::assert_clean(&device.context);
+    }
+    println!("{differing} bits differ; the map reaches {bits:?}");
+    assert!(differing * 1000 <= 48_000 && bits.iter().all(|n| *n > 2000), "{differing} {bits:?}");
 }
 
 fn is_visible(found: &Found) -> bool {

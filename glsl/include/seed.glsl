@@ -12,17 +12,23 @@ uint new_seed(uvec2 pixel, uint number) {
     return pixel.x | (pixel.y << 14) | (number << 28);
 }
 
-#if defined(LENS) || defined(AREA)
+#if defined(LENS) || defined(AREA) || defined(ENVIRONMENT)
 #include "sampler.glsl"
 
 // Pairs of dimensions of a path; 0 is the place in the pixel.
 const uint PAIR_LENS = 1u;
 const uint PAIR_LIGHT = 3u;
+const uint PAIR_ENVIRONMENT = 5u;
 
-// A pair of coordinates in [0, 1).
-vec2 seed_pair(uint seed, uint pair) {
+// A pair of coordinates, 2^32 to one.
+uvec2 seed_bits(uint seed, uint pair) {
     uvec2 pixel = uvec2(seed & 16383u, (seed >> 14) & 16383u);
-    uvec2 at = sampler_pair(pixel, (seed >> 28) + 16u * frame.data.variation, pair);
+    return sampler_pair(pixel, (seed >> 28) + 16u * frame.data.variation, pair);
+}
+
+// The same in [0, 1).
+vec2 seed_pair(uint seed, uint pair) {
+    uvec2 at = seed_bits(seed, pair);
     return vec2(unit_float(at.x), unit_float(at.y));
 }
 #endif

@@ -14,6 +14,7 @@ const uint MODEL_SEED = 4u;    // samples have coordinates beyond the picture: o
 const uint MODEL_ALPHA = 8u;   // surfaces have holes
 const uint MODEL_LENS = 16u;   // the camera has an aperture
 const uint MODEL_AREA = 32u;   // some light has an extent
+const uint MODEL_ENVIRONMENT = 64u;  // light comes from all around as a map says
 
 // A cached sample: 16 bytes (paper 1, section 5).
 struct Sample {
@@ -150,6 +151,15 @@ const uint LIGHT_DISC = 2u;
 const uint LIGHT_POINT = 0u;
 const uint LIGHT_SPOT = 1u;
 const uint LIGHT_DIRECTIONAL = 2u;
+
+// The map of light from all around, in words: a header of four (width, height, turn as the bits of a float, 0; a width of 0:
+// there is none), four for each row and for the end (sin^2 and cos^2 of half the angle from the zenith to its upper edge, solid
+// angle of each of its texels in steradians, as the bits of floats; chance of the rows above, ENVIRONMENT_ONE to one), for each
+// row a word a texel and for the end (chance of the texels to its left), and three floats a texel.
+const uint ENVIRONMENT_HEADER = 4u;
+const uint ENVIRONMENT_ROW = 4u;
+const uint ENVIRONMENT_ONE = 0x80000000u;
+const uint ENVIRONMENT_LIGHT = 31u;  // bit of `lit` that stands for it, where there is one
 
 // The point of the last frame that a pixel's ray goes towards, of those that are projected onto the pixel. All bits are set
 // where there is none, so that one fill clears it.

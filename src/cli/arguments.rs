@@ -9,8 +9,9 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use stillray::metric::sequence::Metric;
 use stillray::renderer::{Aov, Method, Settings};
 use stillray::report::bench::Build;
-use stillray::scene::Lens;
 use stillray::scene::motion::Motion;
+use stillray::scene::sky::{Sky, TURBIDITIES};
+use stillray::scene::{Environment, EnvironmentMap, Lens, Scene, import};
 use stillray::settings::knob::Knob;
 use stillray::settings::{Modelling, Sampling, file as settings_file};
 
@@ -31,6 +32,8 @@ pub struct Source {
     pub camera: Option<String>,
     #[command(flatten)]
     pub optics: Optics,
+    #[command(flatten)]
+    pub surroundings: Surroundings,
     /// Frames a second of the motion, from 0.001 to 1000
     #[arg(long, value_name = "F", default_value = "30", value_parser = ranged(0.001, 1000.0), allow_negative_numbers = true)]
     pub fps: f64,
@@ -71,6 +74,59 @@ impl Optics {
             blades: self.blades.unwrap_or(lens.blades),
         }
     }
+}
+
+/// The light from all around.
+#[derive(Debug, Args)]
+pub struct Surroundings {
+    /// Light from all around, instead of the scene's own: an equirectangular OpenEXR picture, whose middle is towards -Z
+    #[arg(long, value_name = "FILE", group = "surroundings")]
+    pub environment: Option<PathBuf>,
+    /// What its radiances are multiplied by, from 0 to 1000000
+    #[arg(long, value_name = "F", default_value = "1", value_parser = ranged(0.0, 1e6), allow_negative_numbers = true, requires = "surroundings")]
+    pub environment_scale: f64,
+    /// Degrees that it is turned by, counterclockwise as seen from above, from -360 to 360
+    #[arg(long, value_name = "D", default_value = "0", value_parser = ranged(-360.0, 360.0), allow_negative_numbers = true, requires = "environment")]
+    pub environment_turn: f64,
+    /// Daylight, instead of the scene's own light from all around, of this turbidity, from 1.7 (clear) to 10 (hazy)
+    #[arg(long, value_name = "T", group = "surroundings", value_parser = ranged(TURBIDITIES[0], TURBIDITIES[1]), allow_negative_numbers = true)]
+    pub sky: Option<f64>,
+    /// Where its sun stands, in degrees: clockwise from -Z as seen from above, from -360 to 360, and above the horizon, from 0
+    /// to 90 [default: 130,35]
+    #[arg(long, value_name = "A,E", value_parser = sun, allow_hyphen_values = true, requires = "sky")]
+    pub sun: Option<[f64; 2]>,
+}
+
+impl Surroundings {
+    /// Whether anything was asked for.
+    pub fn is_given(&self) -> bool {
+        self.environment.is_some() || self.sky.is_some()
+    }
+
+    /// Puts a scene into them.
+    pub fn apply(&self, scene: &mut Scene) -> stillray::Result<()> {
+        let scale = self.environment_scale as f32;
+        if let Some(path) = &self.environment {
+            let map = import::environment_map(path, &mut scene.notices)?;
+            scene.environment_map = Some(EnvironmentMap { scale, turn: self.environment_turn.to_radians(), ..map });
+            scene.environment = Environment::default();
+            scene.drop_default_light();
+        }
+        if let Some(turbidity) = self.sky {
+            let usual = Sky::default();
+            let [azimuth, elevation] =
+                self.sun.map_or([usual.azimuth, usual.elevation], |degrees| degrees.map(f64::to_radians));
+            Sky { turbidity, azimuth, elevation, ..usual }.apply(scene, scale)?;
+        }
+        Ok(())
+    }
+}
+
+fn sun(text: &str) -> Result<[f64; 2], String> {
+    let angles = text.split_once(',').and_then(|(azimuth, elevation)| {
+        Some([ranged(-360.0, 360.0)(azimuth.trim()).ok()?, ranged(0.0, 90.0)(elevation.trim()).ok()?])
+    });
+    angles.ok_or_else(|| "expected two angles in degrees, from -360 to 360 and from 0 to 90, such as 130,35".to_owned())
 }
 
 fn blades(text: &str) -> Result<u32, String> {

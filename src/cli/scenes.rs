@@ -45,10 +45,11 @@ impl Stage {
     }
 }
 
-/// Loads what the user asks for, with the camera and the lens to look at it through.
+/// Loads what the user asks for, with the light around it, and the camera and the lens to look at it through.
 pub fn looked_at(source: &Source, motion: Motion) -> Result<(Scene, Shot)> {
     let mut scene = load(&source.scene, source.seed)?;
     scene.cameras.iter_mut().for_each(|camera| camera.lens = source.optics.of(camera.lens));
+    source.surroundings.apply(&mut scene)?;
     let shot = Shot::new(&scene, source.camera.as_deref(), motion)?;
     Ok((scene, shot.with_lens(source.optics.of(Lens::PINHOLE))))
 }

@@ -204,6 +204,10 @@ impl Hunt {
             let message = "a search takes the lens of the scene's camera: leave out --aperture, --focus and --blades";
             return Err(Failure::Usage(message.to_owned()));
         }
+        if self.source.surroundings.is_given() {
+            let message = "a search takes the scene as it is: leave out --environment and --sky";
+            return Err(Failure::Usage(message.to_owned()));
+        }
         if self.shard.count > self.brackets as usize {
             let (n, brackets) = (self.shard.count, self.brackets);
             return Err(Failure::Usage(format!(

@@ -10,17 +10,24 @@ use crate::shaders::{Frame, NO_SOURCE};
 pub const PAIR_LENS: u32 = 1;
 /// See [`PAIR_LENS`].
 pub const PAIR_LIGHT: u32 = 3;
+/// See [`PAIR_LENS`].
+pub const PAIR_ENVIRONMENT: u32 = 5;
 
 /// The seed of a new sample: 14 bits a pixel coordinate, 4 bits of its number in the pixel.
 pub fn new_seed([x, y]: [u32; 2], number: u32) -> u32 {
     x | y << 14 | (number & 15) << 28
 }
 
-/// A pair of coordinates of a sample in [0, 1).
-pub fn seed_pair(sampler: &Sampler, variation: u32, seed: u32, pair: u32) -> [f32; 2] {
+/// A pair of coordinates of a sample, 2^32 to one.
+pub fn seed_bits(sampler: &Sampler, variation: u32, seed: u32, pair: u32) -> [u32; 2] {
     let pixel = [seed & 16383, seed >> 14 & 16383];
     let index = (seed >> 28) + 16 * variation;
-    [0, 1].map(|axis| unit_float(sampler.coordinate(pixel, index, 2 * pair + axis)))
+    [0, 1].map(|axis| sampler.coordinate(pixel, index, 2 * pair + axis))
+}
+
+/// The same in [0, 1).
+pub fn seed_pair(sampler: &Sampler, variation: u32, seed: u32, pair: u32) -> [f32; 2] {
+    seed_bits(sampler, variation, seed, pair).map(unit_float)
 }
 
 /// Seeds of a gathered list: those of the last frame's samples for what was kept, of `visible` samples in each pixel; new

@@ -8,7 +8,8 @@ use super::random::{hash_combine, hash_uint};
 use super::stage::{Stage, U, normal_error};
 use super::traverse::{Intersection, Query, any_with_alpha, offset_origin};
 use crate::shaders::{
-    FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, Light, OCCLUDED_BIT, SKY_INSTANCE, Sample,
+    ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, Light, OCCLUDED_BIT, SKY_INSTANCE,
+    Sample,
 };
 
 /// What a sample's shadow rays found.
@@ -43,7 +44,22 @@ pub fn shadow(stage: &Stage<'_>, lights: &[Light], sample: &Sample, found: &Foun
         }
         outcome.doubtful |= u32::from(doubtful.get()) << i;
     }
+    if let Some(light) = light_from_afar(stage) {
+        let doubtful = Cell::new(false);
+        let query = shadow_query(stage, &light, found, &doubtful);
+        outcome.rays += u32::from(!untraced && query.is_some());
+        let exists = |hit: &Intersection| stage.alpha_hit(hit, &doubtful);
+        let reaches = query.is_some_and(|query| untraced || !any_with_alpha(&stage.world, &query, &exists));
+        outcome.bits |= u32::from(reaches) << ENVIRONMENT_LIGHT;
+        outcome.doubtful |= u32::from(doubtful.get()) << ENVIRONMENT_LIGHT;
+    }
     outcome
+}
+
+/// The sample's direction of the map of light from all around, as a light that shines along it; none if there is no map.
+pub fn light_from_afar(stage: &Stage<'_>) -> Option<Light> {
+    let drawn = stage.afar?.drawn()?;
+    Some(Light { kind: LIGHT_DIRECTIONAL, direction: (-drawn.direction).to_array(), ..Light::default() })
 }
 
 /// Which lights of the frame are chosen for a sample: as many as it has rays, by a hash of where it lies on its surface, and

@@ -5,6 +5,7 @@ use std::cell::Cell;
 
 use glam::{DVec3, Vec3};
 
+use super::environment::Afar;
 use super::shade::alpha::alpha_passes;
 use super::shade::material::{Spot, base_color_at};
 use super::shade::texture::Textures;
@@ -30,6 +31,8 @@ pub struct Stage<'a> {
     pub alpha: bool,
     /// The sample's point of the lens, metres along the axes across and up; 0 for a pinhole.
     pub lens: [f32; 2],
+    /// Light from all around, and where the sample lies in it; none where that is not modelled.
+    pub afar: Option<Afar<'a>>,
 }
 
 impl<'a> Stage<'a> {

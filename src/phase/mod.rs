@@ -11,9 +11,9 @@
 //! | [`verify`] | 4.3 | sample | samples, geometry | found, samples |
 //! | [`retain`], without a fill | 4.3 | pixel | found | found, samples |
 //! | [`fill`]: `survey`, `scan`, `append`, `verify` | | pixel; tile; pixel; sample | found, masks, plan | masks, samples, extras, found |
-//! | [`shadow`] | 4.3 | sample | found, geometry, lights | lit |
+//! | [`shadow`] | 4.3 | sample | found, geometry, lights, environment map | lit |
 //! | [`changes`] | | pixel | samples of both frames, lit, masks, plan | image |
-//! | [`shade`] | 4.3 | sample | found, lit, materials, lights | shaded |
+//! | [`shade`] | 4.3 | sample | found, lit, materials, lights, environment map | shaded |
 //! | [`reconstruct`] | 4.4 | pixel | shaded, offsets | film, motion |
 //! | [`resolve`] | | pixel | film | colour image |
 //! | [`temporal`], instead of `resolve` | 6 | pixel | film, motion, last picture | colour image, picture |
@@ -57,7 +57,7 @@ impl Kit {
     /// # Errors
     /// [`crate::Error::Vulkan`].
     pub fn new(context: &Context, passes: u32, model: u32) -> Result<Self> {
-        let binder = Binder::new(context, passes, 16)?;
+        let binder = Binder::new(context, passes, 17)?;
         Ok(Self { context: context.clone(), binder, pipelines: RefCell::default(), model })
     }
 
@@ -230,6 +230,8 @@ pub struct SceneResources {
     pub atlas: Resource,
     /// 256 floats: sRGB code to linear.
     pub srgb: Range,
+    /// [`crate::scene::EnvironmentMap::table`].
+    pub environment_map: Range,
 }
 
 fn b(range: Range) -> Resource {

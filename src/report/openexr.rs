@@ -3,6 +3,8 @@
 //! One part with scan lines and ZIP compression, the form that most programs read. Colour is in channels `R`, `G`, `B`
 //! (and `A`); what else a frame has is in layers named the usual way, `layer.channel`.
 
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use ::exr::meta::attribute::Chromaticities;
@@ -114,9 +116,18 @@ impl Exr {
     /// # Errors
     /// [`Error::Io`] or [`Error::Image`] with `path`.
     pub fn read(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(|cause| Error::Io { path: path.to_owned(), cause })?;
+        Self::decode(BufReader::new(file), path)
+    }
+
+    /// As [`read`](Self::read), from the bytes of a file; `path` is for messages.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn decode(bytes: impl Read + Seek, path: &Path) -> Result<Self> {
         use format::{ReadChannels, ReadLayers};
         let reader = format::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
-        let layer = reader.all_attributes().from_file(path).map_err(|e| failed(path, e))?.layer_data;
+        let layer = reader.all_attributes().from_buffered(bytes).map_err(|e| failed(path, e))?.layer_data;
         let channel = |c: &format::AnyChannel<format::FlatSamples>| Channel {
             name: c.name.to_string(),
             half: matches!(c.sample_data, format::FlatSamples::F16(_)),

@@ -26,6 +26,11 @@ pub fn fingerprint(scene: &Scene) -> String {
     scene.cameras.iter().for_each(|c| hash.shown(format_args!("camera {} {} {:?}", c.node, c.yfov, c.lens)));
     scene.animations.iter().for_each(|a| hash.shown(format_args!("{:?}", a.channels)));
     hash.shown(format_args!("{:?} {:?} {:?}", scene.instances, scene.textures, scene.environment));
+    if let Some(map) = &scene.environment_map {
+        hash.words(&[map.width, map.height, map.scale.to_bits()]);
+        hash.shown(format_args!("map turned by {}", map.turn));
+        hash.list(&map.texels);
+    }
     hex(&hash.0.finalize())
 }
 
@@ -76,7 +81,7 @@ impl Write for Hasher {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::builtin;
+    use crate::scene::{EnvironmentMap, builtin};
 
     #[test]
     fn the_same_content_and_only_that_is_the_same() {
@@ -87,14 +92,25 @@ mod tests {
         assert_eq!(own, fingerprint(&load("cornell")));
         let renamed = Scene { name: "other".into(), ..scene.clone() };
         assert_eq!(own, fingerprint(&renamed));
-        let changes: [fn(&mut Scene); 6] = [
+        let changes: [fn(&mut Scene); 7] = [
             |s| s.meshes[0].positions[0].x = f32::from_bits(s.meshes[0].positions[0].x.to_bits() + 1),
             |s| s.materials[0].roughness += 0.1,
             |s| s.lights[0].intensity *= 1.0 + f32::EPSILON,
             |s| s.environment.radiance.x += 0.1,
+            |s| s.environment_map = Some(EnvironmentMap::default()),
             |s| s.cameras[0].yfov += 1e-12,
             |s| s.meshes[0].triangles[0].rotate_left(1),
         ];
+        let mapped = |texel: f32, scale: f32, turn: f64| {
+            let map =
+                EnvironmentMap { width: 1, height: 1, texels: vec![[texel; 3]], scale, turn, ..Default::default() };
+            fingerprint(&Scene { environment_map: Some(map), ..scene.clone() })
+        };
+        let plain = mapped(1.0, 1.0, 0.0);
+        assert_eq!(plain, mapped(1.0, 1.0, 0.0));
+        assert!(
+            [mapped(2.0, 1.0, 0.0), mapped(1.0, 2.0, 0.0), mapped(1.0, 1.0, 0.1)].iter().all(|other| *other != plain)
+        );
         for (i, change) in changes.into_iter().enumerate() {
             let mut changed = scene.clone();
             change(&mut changed);

@@ -8,13 +8,16 @@
 pub mod atlas;
 pub mod builtin;
 pub mod color;
+pub mod environment;
 pub mod fingerprint;
 pub mod import;
 pub mod motion;
 pub mod pose;
 pub mod requirements;
 pub mod shot;
+pub mod sky;
 
+pub use environment::EnvironmentMap;
 use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 
 /// A complete scene.
@@ -42,6 +45,8 @@ pub struct Scene {
     pub animations: Vec<Animation>,
     /// Uniform light from infinity.
     pub environment: Environment,
+    /// Light from infinity that differs by direction, added to the uniform one.
+    pub environment_map: Option<EnvironmentMap>,
     /// What was approximated or ignored, one line each, to be said once to the user.
     pub notices: Vec<String>,
 }

@@ -56,7 +56,8 @@ pub struct Traits {
     pub lights: u32,
     /// Whether there are textures.
     pub textures: bool,
-    /// Whether more than the place in the pixel is sampled: a lens, or lights that have an extent.
+    /// Whether more than the place in the pixel is sampled: a lens, lights that have an extent, or a map of light from all
+    /// around.
     #[serde(default = "yes")]
     pub distributed: bool,
 }
@@ -74,7 +75,9 @@ impl Traits {
         Self {
             lights: scene.lights.len() as u32,
             textures: !scene.textures.is_empty(),
-            distributed: scene.cameras.iter().any(open) || scene.lights.iter().any(wide),
+            distributed: scene.cameras.iter().any(open)
+                || scene.lights.iter().any(wide)
+                || scene.environment_map.is_some(),
         }
     }
 }
@@ -147,6 +150,8 @@ pub enum Feature {
     LightRange,
     /// Uniform light from all around.
     Environment,
+    /// Light from all around that differs by direction.
+    EnvironmentMap,
     /// Meshes that are placed more than once.
     Instancing,
     /// Instances that are mirrored, whose triangles wind the other way.
@@ -292,6 +297,10 @@ impl Found {
         }
         let radiance = scene.environment.radiance;
         self.note(radiance.max_element() > 0.0, Feature::Environment, || format!("radiance {radiance}"));
+        if let Some(map) = &scene.environment_map {
+            let cause = || format!("map '{}', {} x {}", map.name, map.width, map.height);
+            self.note(true, Feature::EnvironmentMap, cause);
+        }
     }
 
     fn instances(&mut self, scene: &Scene) {

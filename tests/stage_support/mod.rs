@@ -12,8 +12,9 @@ use stillray::accel::{BvhBuildParams, Geometry, Tlas, place};
 use stillray::gpu::image::Sampler;
 use stillray::gpu::{Context, Image, ImageDesc};
 use stillray::method::constants;
+use stillray::oracle::environment::Afar;
 use stillray::oracle::lens::lens_point;
-use stillray::oracle::seed::{PAIR_LENS, PAIR_LIGHT, new_seed, seed_pair};
+use stillray::oracle::seed::{PAIR_ENVIRONMENT, PAIR_LENS, PAIR_LIGHT, new_seed, seed_bits, seed_pair};
 use stillray::oracle::shade::light::light_point;
 use stillray::oracle::shade::texture::Textures;
 use stillray::oracle::stage::Stage;
@@ -21,7 +22,9 @@ use stillray::oracle::traverse::World;
 use stillray::progress::Quiet;
 use stillray::sampler as samplers;
 use stillray::scene::atlas::{Atlas, material_records, srgb_table};
-use stillray::scene::{self, AlphaMode, Light, LightKind, LightPose, LightShape, Mesh, Scene, TextureRef};
+use stillray::scene::{
+    self, AlphaMode, EnvironmentMap, Light, LightKind, LightPose, LightShape, Mesh, Scene, TextureRef,
+};
 use stillray::shaders::{self, FRAME_NEAREST, Frame, LIGHT_DISC, LIGHT_RECTANGLE, LIGHT_SHARP, NEW_INSTANCE, Sample};
 
 /// Materials of the scene, by index.
@@ -44,6 +47,9 @@ pub struct Theatre {
     pub frame: Frame,
     /// The point of the lens through which everything is seen.
     pub lens: [f32; 2],
+    /// The table of the map of light from all around, and where all samples lie in it.
+    pub environment: Vec<u32>,
+    pub afar_at: [u32; 2],
 }
 
 /// How all samples of a list are drawn: alike, so that the twin knows one lens point and one point of each light.
@@ -226,7 +232,35 @@ impl Theatre {
         };
         let materials = material_records(&scene, &atlas);
         let textures = Textures::new(Atlas::pack(&scene.images, 64, 4).unwrap());
-        Self { scene, geometry, tlas, instances, materials, atlas, textures, lights, frame, lens: [0.0; 2] }
+        let environment = EnvironmentMap::table(None);
+        Self {
+            scene,
+            geometry,
+            tlas,
+            instances,
+            materials,
+            atlas,
+            textures,
+            lights,
+            frame,
+            lens: [0.0; 2],
+            environment,
+            afar_at: [0; 2],
+        }
+    }
+
+    /// Under a map: noise of which half is black, and a sun of one texel.
+    pub fn under_a_map(mut self, random: &mut Random) -> Self {
+        let (width, height) = (random.pick(&[1, 5, 16, 64]), random.pick(&[1, 3, 8, 33]));
+        let texel = |random: &mut Random| {
+            if random.chance(0.5) { [0.0; 3] } else { [0; 3].map(|_| random.between(0.0, 2.0)) }
+        };
+        let mut texels: Vec<[f32; 3]> = (0..width * height).map(|_| texel(random)).collect();
+        texels[random.below(width * height) as usize] = [300.0, 250.0, 200.0];
+        let turn = f64::from(random.between(-7.0, 7.0));
+        let map = EnvironmentMap { name: "noise".to_owned(), width, height, texels, scale: 0.5, turn };
+        self.environment = EnvironmentMap::table(Some(&map));
+        self
     }
 
     /// The same through an open lens, under lights that have an extent.
@@ -250,6 +284,7 @@ impl Theatre {
         let pair = |pair| seed_pair(&draw.sampler, self.frame.variation, draw.seed, pair);
         let [lens, at] = [pair(PAIR_LENS), pair(PAIR_LIGHT)];
         self.lens = lens_point(self.frame.lens, lens);
+        self.afar_at = seed_bits(&draw.sampler, self.frame.variation, draw.seed, PAIR_ENVIRONMENT);
         self.lights.iter_mut().for_each(|light| *light = light_point(light, at));
         self
     }
@@ -274,6 +309,7 @@ impl Theatre {
             textures: &self.textures,
             alpha,
             lens: self.lens,
+            afar: Some(Afar { table: &self.environment, at: self.afar_at }),
         }
     }
 

@@ -6,16 +6,18 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use super::brdf::{COSINE_MIN, Reflector};
-use super::light::light_at;
+use super::light::{IRRADIANCE_MAX, light_at};
 use super::material::{Surface, surface_at};
 use crate::oracle::bounded::Bounded;
 use crate::oracle::camera::{Projection, project_within, transform_bounded};
+use crate::oracle::environment::{Afar, DIRECTION, IRRADIANCE};
 use crate::oracle::lens::lens_shift_bounded;
 use crate::oracle::shadow::light_weight;
 use crate::oracle::stage::{Stage, U, normal_error};
 use crate::oracle::traverse::transform_point;
 use crate::shaders::{
-    FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, OCCLUDED_BIT, SKY_INSTANCE, Sample,
+    ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, OCCLUDED_BIT,
+    SKY_INSTANCE, Sample,
 };
 
 /// Where samples are followed to, in distances from the middle of the frame to its border.
@@ -43,12 +45,18 @@ pub fn shade(stage: &Stage<'_>, lights: &[Light], sample: &Sample, found: &Found
     }
     let environment = Vec4::from(stage.frame.environment).truncate().as_dvec3();
     let (radiance, error) = if found.instance == SKY_INSTANCE {
-        (environment, DVec3::ZERO)
+        sky_radiance(stage, environment, sample)
     } else {
         surface_radiance(stage, lights, environment, found, lit)
     };
     let (place, last, depth) = locate(stage, sample);
     Some(Shading { radiance, error, place, last, depth })
+}
+
+fn sky_radiance(stage: &Stage<'_>, uniform: DVec3, sample: &Sample) -> (DVec3, DVec3) {
+    let Some(map) = stage.afar.filter(Afar::is_there) else { return (uniform, DVec3::ZERO) };
+    let (radiance, error) = map.radiance(sample.position);
+    (uniform + radiance, error + U * (uniform + radiance))
 }
 
 /// Where the sample is now, where it was, and how far away it is.
@@ -112,9 +120,15 @@ fn surface_radiance(
         view: 12.0 * U,
         side_is_sure: geometric.dot(view).abs() > flip + 16.0 * U,
     };
-    let (radiance, error) = reflected(&surface, &bounds, view, (environment, lights, lit), point.position, stage.frame);
+    let (mut radiance, mut error) =
+        reflected(&surface, &bounds, view, (environment, lights, lit), point.position, stage.frame);
     if surface.unlit {
         return (radiance, error);
+    }
+    if lit >> ENVIRONMENT_LIGHT & 1 != 0 {
+        let (part, part_error) = reflected_from_afar(&surface, &bounds, view, stage.afar);
+        radiance += part;
+        error += part_error + 4.0 * U * radiance;
     }
     (radiance, if bounds.side_is_sure { error } else { DVec3::INFINITY })
 }
@@ -132,6 +146,11 @@ const COLOR: f64 = 40.0 * U;
 /// Absolute error of the fits of the lobe's albedo, but for that of their arguments.
 const FIT: f64 = 2.0 * 4.1 * 10.0 * U;
 
+/// The albedo has a slope of 4.1 in the cosine and 10.7 in alpha, which is a square.
+fn albedo_error(bounds: &Directions) -> f64 {
+    FIT + 4.1 * (bounds.normal + bounds.view + 3.0 * U) + 10.7 * 3.0 * COLOR
+}
+
 fn reflected(
     surface: &Surface,
     bounds: &Directions,
@@ -144,8 +163,7 @@ fn reflected(
     if surface.unlit {
         return (reflector.base_color, DVec3::splat(COLOR));
     }
-    // The albedo has a slope of 4.1 in the cosine and 10.7 in alpha, which is a square.
-    let albedo = FIT + 4.1 * (bounds.normal + bounds.view + 3.0 * U) + 10.7 * 3.0 * COLOR;
+    let albedo = albedo_error(bounds);
     let uniform = reflector.reflect_uniform(surface.normal, view);
     let ambient = uniform * environment * surface.occlusion;
     let uniform_error = 16.0 * U + 4.0 * COLOR + 8.0 * albedo;
@@ -173,6 +191,24 @@ fn reflected(
     // Each sum and product of the total rounds once more.
     error += 4.0 * f64::from(frame.light_count + 2) * U * radiance;
     (radiance, if unsure { DVec3::INFINITY } else { error })
+}
+
+/// What the sample's direction of the map adds.
+fn reflected_from_afar(surface: &Surface, bounds: &Directions, view: DVec3, afar: Option<Afar<'_>>) -> (DVec3, DVec3) {
+    let Some(drawn) = afar.and_then(|map| map.drawn()) else { return (DVec3::ZERO, DVec3::ZERO) };
+    let direction = drawn.direction.as_dvec3();
+    let irradiance = drawn.irradiance.min(DVec3::splat(IRRADIANCE_MAX));
+    let part = surface.reflector.reflect_light(surface.normal, view, direction);
+    // What the direction is off by is to the bound as if the normal were.
+    let bounds = Directions { normal: bounds.normal + DIRECTION, ..*bounds };
+    let albedo = albedo_error(&bounds);
+    match reflection_error(&surface.reflector, &bounds, (surface.normal, view, direction), albedo) {
+        Some((relative, absolute)) => {
+            (part * irradiance, (part * (relative + IRRADIANCE) + absolute) * irradiance * (1.0 + IRRADIANCE))
+        }
+        None if irradiance == DVec3::ZERO => (DVec3::ZERO, DVec3::ZERO),
+        None => (part * irradiance, DVec3::INFINITY),
+    }
 }
 
 /// Relative error of the specular lobe and absolute error of the diffuse layer, as `brdf_excess` of the test has them, with

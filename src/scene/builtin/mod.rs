@@ -11,6 +11,7 @@ mod noise;
 mod penumbra;
 mod random;
 mod shapes;
+mod skylight;
 mod spheres;
 mod stage;
 mod strands;
@@ -31,6 +32,10 @@ pub const NAMES: &[(&str, &str)] = &[
     ("spheres", "metal and plastic balls over a checkered floor, with moving instances (?beads=0..4096)"),
     ("cornell", "the Cornell box with a point light"),
     ("penumbra", "soft shadows under a square luminaire (?light=0..800, its side in centimetres)"),
+    (
+        "skylight",
+        "a yard under sky and sun (?turbidity=17..100, in tenths, &azimuth=0..359, &elevation=0..90, of the sun in degrees)",
+    ),
     ("strands", "flat unlit strands 0.3 to 1 pixel wide whose exact coverage is known (?count=1..64)"),
 ];
 
@@ -55,6 +60,7 @@ pub fn load(name: &str, seed: u32) -> Result<Scene> {
     match scene {
         "hairball" => Ok(hairball::build(one(&hairball::STRANDS)?, seed)),
         "penumbra" => Ok(penumbra::build(one(&penumbra::LIGHT)?)),
+        "skylight" => skylight::build(&parameters(scene, query, &skylight::PARAMETERS)?),
         "spheres" => Ok(spheres::build(one(&spheres::BEADS)?, seed)),
         "strands" => Ok(strands::build(one(&strands::COUNT)?, seed)),
         "text" => parameters(scene, query, &[]).map(|_| text::build()),

@@ -34,7 +34,7 @@ pub(super) fn read_regular_file(path: &Path) -> Result<Vec<u8>> {
     let refuse = |message: &str| io(std::io::Error::other(message.to_owned()));
     let meta = std::fs::metadata(path).map_err(io)?;
     if !meta.is_file() {
-        return Err(refuse("not a regular file: give a .gltf or .glb file"));
+        return Err(refuse("not a regular file: give the file itself"));
     }
     if meta.len() > MAX_FILE {
         return Err(refuse("larger than 4 GiB: split it"));

@@ -18,6 +18,9 @@ const ELEVATION: f64 = 20.0 * std::f64::consts::PI / 180.0;
 const MARGIN: f64 = 1.05;
 /// Where the default light shines, in the space of the first camera: from over its right shoulder.
 const LIGHT: DVec3 = DVec3::new(-0.5, -0.8, -1.0);
+/// Names of that light and of its node.
+const DEFAULT: &str = "default";
+const DEFAULT_NODE: &str = "default light";
 /// Lux. A white Lambert surface that faces the light has a radiance of `intensity / π` = 1.
 const INTENSITY: f32 = PI;
 /// The soft grey from all around that goes with the default light.
@@ -44,7 +47,8 @@ impl Scene {
             self.cameras.push(Camera { name: "framed".to_owned(), node, yfov: view.yfov, lens: view.lens });
         }
         let shines = |light: &Light| light.intensity > 0.0 && light.color.max_element() > 0.0;
-        if !self.lights.iter().any(shines) && self.environment.radiance == Vec3::ZERO {
+        let from_afar = self.environment.radiance != Vec3::ZERO || self.environment_map.is_some();
+        if !self.lights.iter().any(shines) && !from_afar {
             self.add_default_light();
             self.environment = Environment { radiance: Vec3::splat(AMBIENT) };
         }
@@ -68,12 +72,18 @@ impl Scene {
         View { position: center + back * distance, rotation, yfov: YFOV, lens: Lens::PINHOLE }
     }
 
+    /// Takes back the light that [`complete`](Self::complete) stood in, for who brings light of their own.
+    pub fn drop_default_light(&mut self) {
+        let nodes = &self.nodes;
+        self.lights.retain(|light| light.name != DEFAULT || nodes[light.node].name != DEFAULT_NODE);
+    }
+
     fn add_default_light(&mut self) {
         let view = self.pose(0.0).cameras[0];
         let rotation = looking_along(view.rotation * LIGHT.normalize());
-        let node = self.add_root("default light", view.position, rotation);
+        let node = self.add_root(DEFAULT_NODE, view.position, rotation);
         self.lights.push(Light {
-            name: "default".to_owned(),
+            name: DEFAULT.to_owned(),
             node,
             kind: LightKind::Directional,
             color: Vec3::ONE,

@@ -1,18 +1,21 @@
-//! What glTF has no words for: `extras.stillray` of cameras and punctual lights.
+//! What glTF has no words for: `extras.stillray` of cameras, punctual lights and scenes.
 //!
 //! ```json
 //! "cameras": [{ ..., "extras": { "stillray": { "aperture": 0.05, "focus": 4.0, "blades": 6 } } }]
 //! "lights": [{ ..., "extras": { "stillray": { "shape": "rectangle", "width": 1.2, "height": 0.6 } } }]
+//! "scenes": [{ ..., "extras": { "stillray": { "environment": { "file": "sky.exr", "scale": 1.0, "turn": 90 } } } }]
 //! ```
 //!
-//! Lengths are metres; the sizes of directional lights are degrees of the sky. A key that is not known is refused, as is a
+//! Lengths are metres; the sizes of directional lights are degrees of the sky, and so is the turn of a map about +Y. A key that is not known is refused, as is a
 //! value out of range: both are most likely mistakes.
+
+use std::path::Path;
 
 use serde_json::{Map, Value};
 
 use super::document::Document;
 use crate::Result;
-use crate::scene::{Lens, LightKind, LightShape};
+use crate::scene::{EnvironmentMap, Lens, LightKind, LightShape, Scene};
 
 /// The lens of a camera.
 pub(super) fn lens(document: &Document, camera: usize) -> Result<Lens> {
@@ -42,6 +45,27 @@ pub(super) fn light_shape(document: &Document, light: usize, kind: LightKind) ->
         Some("disc") => Ok(LightShape::Disc(size)),
         _ => Err(extras.bad("shape", "\"rectangle\" or \"disc\"")),
     }
+}
+
+/// Light from all around the file's scene `wanted`, or the default one.
+pub(super) fn environment(document: &Document, wanted: Option<usize>, scene: &mut Scene) -> Result<()> {
+    let index = wanted.or(document.root.scene.map(|scene| scene.value())).unwrap_or(0);
+    let Some(extras) = Extras::of(document, &["scenes"], index)? else { return Ok(()) };
+    extras.only(&["environment"])?;
+    let Some(map) = extras.object("environment")? else { return Ok(()) };
+    map.only(&["file", "scale", "turn"])?;
+    let Some(file) = map.entries.get("file").and_then(Value::as_str) else {
+        return Err(map.bad("file", "the path of an OpenEXR picture"));
+    };
+    let most = f64::from(f32::MAX);
+    let scale = map.number("scale", "at least 0", |n| (0.0..=most).contains(&n))?.unwrap_or(1.0);
+    let turn = map.number("turn", "from -360 to 360, in degrees", |n| n.abs() <= 360.0)?.unwrap_or(0.0);
+    let bytes = document.resolve(file, &format!("{}.file", map.place))?;
+    let name = if file.starts_with("data:") { "environment" } else { file };
+    let read = super::environment::decode(&bytes, Path::new(name), name.to_owned(), &mut scene.notices);
+    let read = read.map_err(|error| document.bad(format!("{}.file: {error}", map.place)))?;
+    scene.environment_map = Some(EnvironmentMap { scale: scale as f32, turn: turn.to_radians(), ..read });
+    Ok(())
 }
 
 /// `extras.stillray` of an element of the file.
@@ -74,6 +98,13 @@ impl<'a> Extras<'a> {
             Some(key) => Err(self.bad(key, &format!("only the keys {}", known.join(", ")))),
             None => Ok(()),
         }
+    }
+
+    /// An object in the object.
+    fn object(&self, key: &str) -> Result<Option<Self>> {
+        let Some(value) = self.entries.get(key) else { return Ok(None) };
+        let entries = value.as_object().ok_or_else(|| self.bad(key, "an object"))?;
+        Ok(Some(Self { document: self.document, place: format!("{}.{key}", self.place), entries }))
     }
 
     fn number(&self, key: &str, expected: &str, allowed: impl Fn(f64) -> bool) -> Result<Option<f64>> {

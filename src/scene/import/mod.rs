@@ -9,6 +9,7 @@ mod animation;
 mod container;
 mod defaults;
 mod document;
+mod environment;
 mod extensions;
 mod extent;
 mod extras;
@@ -20,6 +21,8 @@ mod nodes;
 mod tangents;
 
 use std::path::Path;
+
+pub use self::environment::read as environment_map;
 
 use self::document::Document;
 use super::Scene;
@@ -59,6 +62,7 @@ pub fn load_slice(bytes: &[u8], path: &Path, scene: Option<usize>) -> Result<Sce
     mesh::import(&document, &placed, &mut materials, &mut out)?;
     nodes::import_cameras(&document, &placed, &mut out)?;
     nodes::import_lights(&document, &placed, &mut out)?;
+    extras::environment(&document, scene, &mut out)?;
     animation::import(&document, &placed, &mut out)?;
     materials.finish(&mut out)?;
     extent::check(&document, &out)?;
