@@ -256,7 +256,7 @@ fn bad_targets_are_refused_by_name() {
         (&|j| j["meshes"][0]["weights"] = json!([]), "has 0 weights for 1 morph targets"),
         (&|j| j["meshes"][0]["weights"] = json!([1e39]), "has a weight of a morph target that is not finite"),
         (
-            &|j| drop(push(&mut j["meshes"][0]["primitives"], json!({ "attributes": { "POSITION": 0 } }))),
+            &|j| j["meshes"][0]["primitives"].as_array_mut().unwrap().push(json!({ "attributes": { "POSITION": 0 } })),
             "primitive 1 has 0 morph targets, but an earlier primitive 1",
         ),
     ];

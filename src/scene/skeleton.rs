@@ -1,6 +1,6 @@
 //! Where a skin puts its mesh: the space that the instance's transform places, and the joints in it.
 
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use super::Skin;
 
@@ -20,30 +20,47 @@ impl Skin {
     /// in the pose in which the mesh was bound, and what follows that joint stands still. A joint whose transform is singular
     /// or nearly so is passed over; if none is left, object space is the world's, moved to the first joint's mesh origin.
     pub(super) fn place(&self, globals: &[DAffine3]) -> (DAffine3, Vec<DAffine3>) {
-        let bind = self.joints.iter().zip(&self.inverse_bind);
-        let to_world: Vec<DAffine3> = bind.map(|(&joint, inverse)| globals[joint] * *inverse).collect();
-        let object = self.object_space(&to_world);
-        let inverse = object.matrix3.inverse();
-        let relative = |m: &DAffine3| {
+        let bound: Vec<Bound> =
+            self.joints.iter().zip(&self.inverse_bind).map(|(&j, b)| Bound::new(&globals[j], b)).collect();
+        let (object, origin) = self.object_space(&bound);
+        let inverse = object.inverse();
+        let relative = |joint: &Bound| {
             // The same to the last bit, so that what follows the joint of the object space does not tremble.
-            if *m == object {
+            if joint.linear == object && joint.offset == origin.offset && joint.at == origin.at {
                 return DAffine3::IDENTITY;
             }
             // The difference first: it is exact where both are far from the world's origin.
-            let translation = inverse * (m.translation - object.translation);
-            DAffine3 { matrix3: inverse * m.matrix3, translation }
+            let translation = inverse * ((joint.offset - origin.offset) + (joint.at - origin.at));
+            DAffine3 { matrix3: inverse * joint.linear, translation }
         };
-        let joints = to_world.iter().map(relative).collect();
-        (object, joints)
+        let joints = bound.iter().map(relative).collect();
+        (DAffine3 { matrix3: object, translation: origin.offset + origin.at }, joints)
     }
 
-    fn object_space(&self, to_world: &[DAffine3]) -> DAffine3 {
-        let usable = (0..to_world.len()).filter(|&joint| is_well_conditioned(&to_world[joint].matrix3));
+    /// The linear part of object space, and what has its origin.
+    fn object_space(&self, bound: &[Bound]) -> (DMat3, Bound) {
+        let usable = (0..bound.len()).filter(|&joint| is_well_conditioned(&bound[joint].linear));
         // Parents come before their children: the least node is the nearest to the root.
         match usable.min_by_key(|&joint| self.joints[joint]) {
-            Some(joint) => to_world[joint],
-            None => DAffine3::from_translation(to_world.first().map_or(glam::DVec3::ZERO, |m| m.translation)),
+            Some(joint) => (bound[joint].linear, bound[joint]),
+            None => (DMat3::IDENTITY, bound.first().copied().unwrap_or_default()),
         }
+    }
+}
+
+/// Where a joint takes the space of the mesh: `linear * p + offset + at`, not added up, because only `at` is far from the
+/// world's origin.
+#[derive(Clone, Copy, Default)]
+struct Bound {
+    linear: DMat3,
+    offset: DVec3,
+    at: DVec3,
+}
+
+impl Bound {
+    fn new(joint: &DAffine3, inverse_bind: &DAffine3) -> Self {
+        let linear = joint.matrix3 * inverse_bind.matrix3;
+        Self { linear, offset: joint.matrix3 * inverse_bind.translation, at: joint.translation }
     }
 }
 
@@ -57,7 +74,7 @@ fn is_well_conditioned(m: &DMat3) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DQuat, DVec3};
+    use glam::DQuat;
 
     fn skin(joints: usize) -> Skin {
         let inverse_bind = vec![DAffine3::IDENTITY; joints];

@@ -90,7 +90,7 @@ fn global_reaches(scene: &Scene) -> Vec<Reach> {
         let reach = &mut locals[channel.node];
         match &channel.values {
             ChannelValues::Translation(values) => {
-                reach.distance = reach.distance.max(largest(channel, lengths(values)))
+                reach.distance = reach.distance.max(largest(channel, lengths(values)));
             }
             ChannelValues::Scale(values) => reach.scale = reach.scale.max(largest(channel, lengths(values))),
             ChannelValues::Rotation(_) => {} // of unit length
