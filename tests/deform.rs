@@ -114,6 +114,8 @@ fn a_bar_far_away_bends_as_well() {
     let away = shape(&bar(0.7, far), &bar(0.7, far).pose(0.0), 0);
     // Adding 1 to 2e7 in f64 is exact: what the joints do to the mesh is the same to the last bit.
     assert!(near == away, "the shape depends on the place");
+    let turned = shape(&bar(0.7 + 1e-6, far), &bar(0.7 + 1e-6, far).pose(0.0), 0);
+    assert!(turned != away, "the comparison does not see a microradian");
     // In the closed form at 3e7 m f64 itself rounds by 2^-29 m.
     assert!(bar_error(0.7, 0.7, far)[0] < 3f64.sqrt() * HALF_ULP + 2f64.powi(-27));
 }
@@ -197,6 +199,11 @@ fn animated_models_stay_whole() {
         for step in 0..=60 {
             let time = scene.duration() * f64::from(step) / 60.0;
             let (size, pose) = (size(time), scene.pose(time));
+            if model.contains("CesiumMan") {
+                // He walks on the ground, his joints being turned from a space in which z is up.
+                let (low, high) = scene.bounds(&pose).unwrap();
+                assert!(low.y.abs() < 0.1 && (1.3..1.6).contains(&high.y), "{low} {high}");
+            }
             // Limbs stretch out and bend; a joint that is applied twice, or not at all, would throw them farther.
             assert!((0.5..2.5).contains(&(size / rest)), "{model} at {time}: {size} of {rest}");
             for (deformer, deformation) in pose.deformations.iter().enumerate() {
@@ -270,7 +277,13 @@ fn the_same_pose_twice_has_the_same_bits() {
             let mut reused = shape(&scene, &scene.pose(0.0), deformer);
             let deformation = &poses[0].deformations[deformer];
             deform(&scene.meshes[scene.instances[deformation.instance].mesh], deformation, &mut reused);
-            assert_eq!((&first, &first), (&again, &reused), "{model}");
+            assert!(first == again && first == reused, "{model}");
+            let later = shape(&scene, &scene.pose(time + 0.01), deformer);
+            assert_eq!(
+                first != later,
+                scene.duration() > 0.0,
+                "{model}: the comparison does not see a hundredth of a second"
+            );
         }
     }
 }

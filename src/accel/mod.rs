@@ -132,8 +132,10 @@ impl Geometry {
         scene.meshes.iter().try_for_each(|mesh| check_mesh(scene, mesh))?;
         let total: usize = scene.meshes.iter().map(|m| m.triangles.len()).sum();
         let vertices: usize = scene.meshes.iter().map(|m| m.positions.len()).sum();
-        // A node has at least one triangle of its own or two children: there are fewer nodes than triangles.
+        // A node has at least one triangle of its own or two children: there are fewer nodes than triangles, but for those
+        // to spare.
         index(scene, total + scene.instances.len(), "triangles and instances")?;
+        index(scene, total + total / 4 + 2 * scene.meshes.len() + scene.instances.len(), "nodes of the tree")?;
         index(scene, vertices, "vertices")?;
         progress.begin("building the acceleration structure", total as u64);
         let mut trees: Vec<bvh::Bvh> = scene.meshes.par_iter().map(|mesh| build_mesh(mesh, params, progress)).collect();

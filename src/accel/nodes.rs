@@ -76,7 +76,8 @@ fn encode_node(node: &mut CwBvhNode, children: &[Option<Extent>; 8]) -> Extent {
     for axis in 0..3 {
         let exponent = exponent_for(max[axis] - min[axis]);
         node.e[axis] = exponent as u8;
-        let step = f64::from(f32::from_bits((exponent as u32) << 23));
+        // The reciprocal of a power of two is exact.
+        let steps = 1.0 / f64::from(f32::from_bits((exponent as u32) << 23));
         let (lower, upper) = match axis {
             0 => (&mut node.child_min_x, &mut node.child_max_x),
             1 => (&mut node.child_min_y, &mut node.child_max_y),
@@ -86,11 +87,22 @@ fn encode_node(node: &mut CwBvhNode, children: &[Option<Extent>; 8]) -> Extent {
             let Some(child) = child else { continue };
             // Differences of f32 in f64, scaled by a power of two: exact unless their exponents are 2^29 apart, and then
             // wrong by 2^-53, which the tolerance of the box test swallows a hundred million times.
-            lower[slot] = ((f64::from(child.bounds.min[axis]) - min[axis]) / step).floor() as u8;
-            upper[slot] = ((f64::from(child.bounds.max[axis]) - min[axis]) / step).ceil() as u8;
+            lower[slot] = ((f64::from(child.bounds.min[axis]) - min[axis]) * steps) as u8;
+            upper[slot] = ceil((f64::from(child.bounds.max[axis]) - min[axis]) * steps);
         }
     }
     Extent { bounds, depth, area }
+}
+
+/// Rounds up what is in 0..=255. `f64::ceil` is a call on the least of the x86-64 processors that this is compiled for.
+fn ceil(x: f64) -> u8 {
+    let whole = x as u8;
+    whole.saturating_add(u8::from(x > f64::from(whole)))
+}
+
+/// 2 to a power in -1022..=1023.
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((exponent + 1023) as u64) << 52)
 }
 
 /// The biased f32 exponent of the least power of two of which 255 cover `extent`.
@@ -99,7 +111,7 @@ fn exponent_for(extent: f64) -> i32 {
     // Rounding up to a power of two: the exponent alone if no bit of the fraction is set.
     let unbiased = (bits >> 52) as i32 - 1023 + i32::from(bits & ((1 << 52) - 1) != 0);
     // The quotient was rounded: when it fell on a power of two from above, 255 steps are short by 2^-53 of themselves.
-    let short = 255.0 * f64::powi(2.0, unbiased.max(-200)) < extent;
+    let short = 255.0 * power_of_two(unbiased.max(-200)) < extent;
     (unbiased + i32::from(short) + 127).clamp(LEAST_EXPONENT, 254)
 }
 
@@ -117,5 +129,13 @@ mod tests {
         }
         assert_eq!(exponent_for(0.0), LEAST_EXPONENT);
         assert_eq!(exponent_for(1e-30), LEAST_EXPONENT);
+    }
+
+    #[test]
+    fn rounding_up_and_powers_are_those_of_the_standard_library() {
+        for x in [0.0, 1e-300, 0.5, 1.0, 1.0 + 1e-15, 2.0 - 1e-15, 253.000001, 254.5, 255.0, 256.0] {
+            assert_eq!(ceil(x), x.ceil() as u8, "{x}");
+        }
+        assert!((-1022..=1023).all(|e| power_of_two(e) == f64::powi(2.0, e)));
     }
 }

@@ -44,8 +44,8 @@ impl Geometry {
     /// of its tree to them. The tree's topology stays: boxes of triangles that have come apart overlap, which is never wrong,
     /// but slower to trace ([`RefitOutcome::cost`]).
     ///
-    /// Takes some 0.1 ms for a thousand triangles: the boxes about half of that, on one thread. Meshes can be refitted in
-    /// any order.
+    /// Takes some 0.1 ms for a thousand triangles on one core. More than half of that are the boxes, which one thread does; the
+    /// rest is shared among the threads of rayon. The result depends on nothing but `shape`.
     ///
     /// # Errors
     /// [`Error::Scene`] if there is no such mesh, `shape` is not one of it, or a position is beyond
@@ -55,7 +55,7 @@ impl Geometry {
         Ok(self.fit(mesh, &record, shape, false))
     }
 
-    /// As [`Geometry::refit`], with a tree that is built anew over the deformed triangles, which takes about twenty times as
+    /// As [`Geometry::refit`], with a tree that is built anew over the deformed triangles, which takes about fifteen times as
     /// long. `None`, and nothing is changed, if the new tree has more nodes than the mesh has room for.
     ///
     /// # Errors

@@ -101,6 +101,9 @@ impl<'a> Skins<'a> {
     }
 }
 
+/// What a vertex has in one set: joints with their weights.
+type Four = ([u16; 4], [f32; 4]);
+
 /// A `JOINTS_n` with its `WEIGHTS_n`.
 type Set = (Vec<[u16; 4]>, Vec<[f32; 4]>);
 
@@ -165,11 +168,7 @@ impl Part<'_> {
 
 impl Helped {
     /// The joints that a vertex really follows, the heaviest first if they are more than four, with weights that add up to 1.
-    fn tidy(
-        &mut self,
-        joints: impl Iterator<Item = (u16, f32)>,
-        kept: &mut Vec<(u16, f32)>,
-    ) -> [([u16; 4], [f32; 4]); 2] {
+    fn tidy(&mut self, joints: impl Iterator<Item = (u16, f32)>, kept: &mut Vec<(u16, f32)>) -> [Four; 2] {
         kept.clear();
         kept.extend(joints);
         let first = kept.first().map_or(0, |(joint, _)| *joint);
@@ -207,7 +206,7 @@ impl Helped {
 mod tests {
     use super::*;
 
-    fn tidied(joints: &[(u16, f32)]) -> ([([u16; 4], [f32; 4]); 2], Helped) {
+    fn tidied(joints: &[(u16, f32)]) -> ([Four; 2], Helped) {
         let mut helped = Helped::default();
         (helped.tidy(joints.iter().copied(), &mut Vec::new()), helped)
     }
