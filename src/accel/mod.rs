@@ -1,9 +1,10 @@
 //! The two-level acceleration structure, laid out for the GPU.
 //!
 //! [`Geometry`] holds what keeps its shape: a compressed eight-wide tree (CwBvh: Ylitie, Karras and Laine 2017, built with
-//! obvhs) a mesh, its triangles in leaf order, and vertex attributes, all meshes in one set of arrays. A mesh that deforms
-//! is refitted in its place ([`Geometry::refit`]). [`Tlas`] is the tree over the instances, rebuilt each frame. Both levels share one node buffer: the first [`Geometry::tlas_capacity`] nodes
-//! are the top level's. `glsl/include/traverse.glsl` walks it; [`crate::oracle::traverse`] is the same walk on the CPU.
+//! obvhs) a mesh, its triangles in leaf order, and vertex attributes, all meshes in one set of arrays. A mesh that deforms is
+//! refitted in its place ([`Geometry::refit`]). [`Tlas`] is the tree over the instances, rebuilt each frame. Both levels
+//! share one node buffer: the first [`Geometry::tlas_capacity`] nodes are the top level's. `glsl/include/traverse.glsl` walks
+//! it; [`crate::oracle::traverse`] is the same walk on the CPU.
 //!
 //! A triangle takes 36 bytes of corners in two arrays, because the smallest limit of a buffer met in practice is 128 MiB and
 //! the original hairball has 2.9 million triangles.
