@@ -25,7 +25,7 @@ pub const REQUIRED: &[Need] = &[
     Need { name: "maxComputeWorkGroupInvocations >= 256", why: "the prefix sum uses groups of 256" },
     Need { name: "maxComputeWorkGroupSize[0] >= 256", why: "the prefix sum uses groups of 256 in a row" },
     Need { name: "maxComputeSharedMemorySize >= 4096", why: "prefix sums and counters" },
-    Need { name: "maxPerStageDescriptorStorageBuffers >= 16", why: "shading binds this many" },
+    Need { name: "maxPerStageDescriptorStorageBuffers >= 24", why: "shading binds this many" },
     Need { name: "maxPushConstantsSize >= 64", why: "parameters of a dispatch" },
 ];
 
@@ -176,7 +176,7 @@ fn missed_limits(limits: &vk::PhysicalDeviceLimits) -> Vec<String> {
         ("maxComputeWorkGroupInvocations", limits.max_compute_work_group_invocations, 256),
         ("maxComputeWorkGroupSize[0]", limits.max_compute_work_group_size[0], 256),
         ("maxComputeSharedMemorySize", limits.max_compute_shared_memory_size, 4096),
-        ("maxPerStageDescriptorStorageBuffers", limits.max_per_stage_descriptor_storage_buffers, 16),
+        ("maxPerStageDescriptorStorageBuffers", limits.max_per_stage_descriptor_storage_buffers, 24),
         ("maxPushConstantsSize", limits.max_push_constants_size, 64),
     ]
     .iter()
@@ -194,7 +194,7 @@ mod tests {
             max_compute_work_group_invocations: 256,
             max_compute_work_group_size: [256, 64, 64],
             max_compute_shared_memory_size: 4096,
-            max_per_stage_descriptor_storage_buffers: 16,
+            max_per_stage_descriptor_storage_buffers: 24,
             max_push_constants_size: 64,
             ..Default::default()
         }

@@ -38,12 +38,19 @@ impl Model {
         let alpha = feature(Feature::AlphaMask).or_else(|| feature(Feature::AlphaBlend)).or_else(all);
         let lens = feature(Feature::Lens).or_else(all);
         let area = feature(Feature::AreaLights).or_else(all);
+        let deform = feature(Feature::SkinnedMeshes).or_else(|| feature(Feature::MorphedMeshes)).or_else(all);
         let seed = lens.clone().or_else(|| area.clone());
         let part = |bit, name, price, cause| Part { bit, name, price, cause };
         let parts = vec![
             part(shaders::MODEL_ALPHA, "holes in surfaces", "a look at the material at every hit", alpha),
             part(shaders::MODEL_LENS, "an aperture", "a lens point a sample, in every phase that projects it", lens),
             part(shaders::MODEL_AREA, "lights with an extent", "a point on the light a sample", area),
+            part(
+                shaders::MODEL_DEFORM,
+                "meshes that deform",
+                "their upload in each frame, twice their corners",
+                deform,
+            ),
             part(shaders::MODEL_SEED, "seeds of samples", "4 bytes a cached sample", seed),
             part(shaders::MODEL_AGE, "ages of samples", "4 bytes a cached sample", aov(Aov::Age)),
             part(shaders::MODEL_SOURCE, "what samples were", "8 bytes a cached sample", aov(Aov::Changes)),
