@@ -183,7 +183,8 @@ pub(crate) fn check(scene: &ResidentScene, deformations: &[Deformation]) -> std:
     if deformations.len() != scene.deformables.len() {
         return Err(format!("{} deformations instead of {}", deformations.len(), scene.deformables.len()));
     }
-    let is_finite = |d: &Deformation| d.joints.iter().all(|j| j.is_finite()) && d.weights.iter().all(|w| w.is_finite());
+    let is_finite =
+        |d: &Deformation| d.joints.iter().all(glam::DAffine3::is_finite) && d.weights.iter().all(|w| w.is_finite());
     let matches = |(deformable, d): (&Deformable, &Deformation)| deformable.instance == d.instance && is_finite(d);
     let wrong = scene.deformables.iter().zip(deformations).position(|pair| !matches(pair));
     wrong.map_or(Ok(()), |i| Err(format!("deformation {i}")))

@@ -64,7 +64,7 @@ fn what_is_wrong_is_told_with_key_value_and_range() {
         (1, json!({ "shape": "line" }), ["lights[0].extras.stillray.shape", "\"line\"", "\"rectangle\" or \"disc\""]),
         (1, json!({ "width": 1 }), ["shape", "missing", "\"rectangle\" or \"disc\""]),
         (1, json!({ "shape": "disc", "width": -1 }), ["width", "-1", "at least 0, in metres"]),
-        (1, json!({ "shape": "disc", "width": 1e39 }), ["width", "1e39", "at least 0, in metres"]),
+        (1, json!({ "shape": "disc", "width": 1e39 }), ["width", "1e+39", "at least 0, in metres"]),
         (2, json!({ "shape": "disc", "width": 91 }), ["lights[1].extras.stillray.width", "91", "from 0 to 90"]),
     ];
     for (place, value, words) in wrong {
