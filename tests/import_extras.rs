@@ -1,5 +1,5 @@
 //! Lenses and lights with an extent, from what glTF leaves to applications: `extras.stillray`.
-#![allow(clippy::unwrap_used)] // a panic is a failing test
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a panic is a failing test
 
 #[path = "support/gltf.rs"]
 mod gltf;
