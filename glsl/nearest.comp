@@ -6,7 +6,7 @@
 // on the order of arrival.
 //
 // variant index: INDEX
-// models: LENS
+// models: LENS DEFORM
 #include "track.glsl"
 
 layout(local_size_x = 64) in;
@@ -18,6 +18,10 @@ layout(set = 0, binding = 4, std430) buffer TrackedBlock { Tracked data[]; } tra
 #ifdef LENS
 layout(set = 0, binding = 5, std430) readonly buffer Seeds { uint data[]; } seeds;
 layout(set = 0, binding = 6, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#ifdef DEFORM
+layout(set = 0, binding = 7, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
+layout(set = 0, binding = 8, std430) readonly buffer Rest { float data[]; } rest;
 #endif
 #include "place.glsl"
 

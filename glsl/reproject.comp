@@ -17,7 +17,7 @@
 //
 // variant nearest: NEAREST
 // variant displaced: NEAREST DISPLACED
-// models: LENS
+// models: LENS DEFORM
 
 #include "types.glsl"
 
@@ -35,6 +35,10 @@ layout(set = 0, binding = 6, std430) readonly buffer Taken { uint data[]; } take
 #ifdef LENS
 layout(set = 0, binding = 7, std430) readonly buffer Seeds { uint data[]; } seeds;
 layout(set = 0, binding = 8, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#ifdef DEFORM
+layout(set = 0, binding = 9, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
+layout(set = 0, binding = 10, std430) readonly buffer Rest { float data[]; } rest;
 #endif
 #include "place.glsl"
 

@@ -4,6 +4,8 @@
 // pixel keeps a sample without another ray. One thread a pixel reads all of the pixel's outcomes: no race decides.
 // The first occluded sample in list order is taken. While nothing has moved for two frames nothing is replaced, so that
 // the picture comes to rest.
+//
+// models: DEFORM
 #include "camera.glsl"
 #include "triangle.glsl"
 
@@ -15,6 +17,9 @@ layout(set = 0, binding = 3, std430) readonly buffer Rest { float data[]; } rest
 layout(set = 0, binding = 4, std430) buffer FoundBlock { Found data[]; } found;
 layout(set = 0, binding = 5, std430) buffer Samples { Sample data[]; } samples;
 layout(set = 0, binding = 6, std430) buffer CountersBlock { Counters data; } counters;
+#ifdef DEFORM
+layout(set = 0, binding = 7, std430) readonly buffer Instances { Instance data[]; } instances;
+#endif
 
 const uint NONE = 0xffffffffu;
 
@@ -24,6 +29,14 @@ shared uint tally[3];
 void replace(uint slot) {
     Found f = found.data[slot];
     f.instance &= INSTANCE_MASK;
+#ifdef DEFORM
+    if ((instances.data[f.instance].flags & INSTANCE_DEFORMS) != 0u) {
+        float local = float(f.primitive - instances.data[f.instance].triangle_base);
+        found.data[slot] = f;
+        samples.data[slot] = Sample(vec3(local, f.u, f.v), f.instance);
+        return;
+    }
+#endif
     vec3 a;
     vec3 b;
     vec3 c;

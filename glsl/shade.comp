@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // The radiance of every visible sample towards the camera.
 //
-// models: LENS AREA ENVIRONMENT
+// models: LENS AREA DEFORM ENVIRONMENT
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -30,6 +30,9 @@ layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data
 #endif
 
 #define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
+#ifdef DEFORM
+layout(set = 0, binding = 17, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 #include "brdf.glsl"
 #include "choice.glsl"
 #ifdef ENVIRONMENT
@@ -93,6 +96,23 @@ vec3 surface_radiance(Found f, uint slot, uint lit_bits) {
     return radiance;
 }
 
+// Where a sample was on its instance in the last frame.
+vec3 previous_position(Sample s, uint id) {
+#ifdef DEFORM
+    uint flags = instances.data[id].flags;
+    if ((flags & INSTANCE_DEFORMS) != 0u) {
+        uint at = 9u * ((flags >> INSTANCE_SHAPE_SHIFT) + uint(s.position.x));
+        vec3 corner[3];
+        for (int i = 0; i < 3; ++i, at += 3u) {
+            corner[i] =
+                vec3(previous_corners.data[at], previous_corners.data[at + 1u], previous_corners.data[at + 2u]);
+        }
+        return triangle_point(corner[0], corner[1], corner[2], s.position.y, s.position.z);
+    }
+#endif
+    return s.position;
+}
+
 // Where samples are followed to, in distances from the middle of the frame to its border.
 const float MOTION_REACH = 64.0;
 
@@ -104,7 +124,8 @@ bool locate(Sample s, uint slot, out vec2 offset, out vec2 motion, out float dep
     vec3 before = s.position;
     depth = uintBitsToFloat(INFINITY_BITS);
     if (surface) {
-        before = transform_point(instances.data[s.instance & INSTANCE_MASK].previous, s.position);
+        uint id = s.instance & INSTANCE_MASK;
+        before = transform_point(instances.data[id].previous, previous_position(s, id));
         depth = length(now);
     }
 #ifdef LENS

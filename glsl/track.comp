@@ -7,7 +7,7 @@
 // such errors would add up and the picture would never rest: once it has settled, each pixel's ray is that of the last
 // frame, to the bit.
 //
-// models: SEED LENS
+// models: SEED LENS DEFORM
 #include "track.glsl"
 #include "analysis.glsl"
 
@@ -26,6 +26,10 @@ layout(set = 0, binding = 9, std430) readonly buffer PreviousSeeds { uint data[]
 #endif
 #ifdef LENS
 layout(set = 0, binding = 10, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#ifdef DEFORM
+layout(set = 0, binding = 11, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
+layout(set = 0, binding = 12, std430) readonly buffer Rest { float data[]; } rest;
 #endif
 #include "place.glsl"
 

@@ -4,7 +4,7 @@
 // sample's ray ends a little behind the sample: it finds the sample's own surface, or what hides it. Of a list to which a
 // fill was added behind, only that part is traced.
 //
-// models: ALPHA LENS
+// models: ALPHA LENS DEFORM
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -62,6 +62,13 @@ Found make_sample(uint slot, Intersection hit, vec3 direction) {
         samples.data[slot] = Sample(normalize(direction), SKY_INSTANCE);
         return Found(SKY_INSTANCE, HIT_SKY, 0.0, 0.0);
     }
+#ifdef DEFORM
+    if ((instances.data[hit.instance].flags & INSTANCE_DEFORMS) != 0u) {
+        float local = float(hit.primitive - instances.data[hit.instance].triangle_base);
+        samples.data[slot] = Sample(vec3(local, hit.u, hit.v), hit.instance);
+        return Found(hit.instance, hit.primitive, hit.u, hit.v);
+    }
+#endif
     samples.data[slot] = Sample(surface_of(hit).object, hit.instance);
     return Found(hit.instance, hit.primitive, hit.u, hit.v);
 }

@@ -219,10 +219,11 @@ impl Session {
         let (frame, instances) = (frame.download(&self.context)?, instances.download(&self.context)?);
         let bytes = samples.download(&self.context)?;
         let listed = stats.rays as usize * size_of::<Sample>();
-        let samples: Vec<Sample> = bytemuck::pod_collect_to_vec(bytes.get(..listed).unwrap_or(&bytes));
+        let mut samples: Vec<Sample> = bytemuck::pod_collect_to_vec(bytes.get(..listed).unwrap_or(&bytes));
         let whole = instances.len() / size_of::<Instance>() * size_of::<Instance>();
         let instances: Vec<Instance> = bytemuck::pod_collect_to_vec(&instances[..whole]);
         let frame: Frame = bytemuck::pod_read_unaligned(&frame[..size_of::<Frame>()]);
+        samples::place(self.renderer.geometry(), &instances, &mut samples);
         Ok(samples::points(&frame, &instances, &samples))
     }
 

@@ -123,6 +123,7 @@
 //! Without a host, [`headless::Session`] does the same in five lines; the program `stillray` is made of it.
 
 pub mod accel;
+mod deforming;
 pub mod error;
 pub mod gpu;
 pub mod headless;

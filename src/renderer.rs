@@ -3,7 +3,8 @@
 //! The library only records. The host owns queue, submission and waiting; after creation no Vulkan object is made and no
 //! device memory is allocated until [`Renderer::resize`].
 
-use crate::accel::{self, Tlas};
+use crate::accel::{self, Geometry, Tlas};
+use crate::deforming::{self, Deforming};
 use crate::gpu::{Buffer, Context, Image, Recorder};
 use crate::method::SLOTS;
 use crate::method::buffers::FrameBuffers;
@@ -82,6 +83,7 @@ pub struct Renderer {
     settings: Settings,
     recorder: Recorder,
     tlas: Tlas,
+    deforming: Option<Deforming>,
     frames: Frames,
     last: Option<Last>,
     recorded: u64,
@@ -137,6 +139,7 @@ impl Renderer {
         settings.validate()?;
         let frames = Frames::new(context, &scene, settings)?;
         let most = frames.plans.iter().map(|p| p.passes.len()).max().unwrap_or(0);
+        let deforming = Deforming::new(&scene);
         let recorder = Recorder::new(context, most as u32, SLOTS as u32)?;
         Ok(Self {
             context: context.clone(),
@@ -144,6 +147,7 @@ impl Renderer {
             settings: settings.clone(),
             recorder,
             tlas: Tlas::default(),
+            deforming,
             frames,
             last: None,
             recorded: 0,
@@ -213,6 +217,7 @@ impl Renderer {
     ) -> Result<FrameOutputs> {
         // Whatever can fail comes before whatever changes.
         self.check_inputs(inputs)?;
+        self.deform(inputs)?;
         let slot = (self.recorded % SLOTS as u64) as usize;
         let moment = self.advance(inputs);
         self.write_constants(slot, inputs, &moment);
@@ -314,6 +319,9 @@ impl Renderer {
             let found = format!("{} instances and {} lights", pose.instances.len(), pose.lights.len());
             return wrong("pose", found, format!("{instances} instances and {lights} lights, as the scene has"));
         }
+        if let Err(what) = deforming::check(&self.scene, &pose.deformations) {
+            return wrong("pose", what, "the scene's deformations, finite ones only".to_owned());
+        }
         let unplaced = pose.instances.iter().position(|t| !t.is_finite());
         let unlit = pose.lights.iter().position(|l| !(l.position.is_finite() && l.direction.is_finite()));
         for (what, index) in [("instance", unplaced), ("light", unlit)] {
@@ -326,6 +334,19 @@ impl Renderer {
             return wrong("view.lens", format!("{:?}", inputs.view.lens), expected);
         }
         constants::check_view(&inputs.view, self.settings.size)
+    }
+
+    /// Takes on the shapes of what deforms.
+    fn deform(&mut self, inputs: &FrameInputs<'_>) -> Result<()> {
+        let before = self.motion_origin(inputs, self.last.as_ref());
+        let Some(deforming) = &mut self.deforming else { return Ok(()) };
+        let before = before.as_ref().map_or(inputs.pose, |(_, pose)| pose);
+        deforming.shape(&self.scene, inputs.pose, before)
+    }
+
+    /// The scene's geometry, as it is in the last frame that was recorded.
+    pub(crate) fn geometry(&self) -> &Geometry {
+        self.deforming.as_ref().map_or(&self.scene.geometry, Deforming::geometry)
     }
 
     /// Compares with the last frame, and remembers this one.
@@ -365,7 +386,7 @@ impl Renderer {
 
     /// Places the instances relative to the camera and rebuilds the top level, into the ring.
     fn write_instances(&mut self, inputs: &FrameInputs<'_>, moment: &Moment, before: Option<&Pose>) {
-        let geometry = &self.scene.geometry;
+        let geometry = self.deforming.as_ref().map_or(&self.scene.geometry, Deforming::geometry);
         let before = before.unwrap_or(inputs.pose);
         let mut instances: Vec<shaders::Instance> = geometry
             .instance_meshes
@@ -376,10 +397,14 @@ impl Renderer {
                 accel::place(geometry, record, (now, moment.view.position), (then, moment.previous.position))
             })
             .collect();
+        deforming::mark(&self.scene, &mut instances);
         self.tlas.rebuild(geometry, &mut instances);
         let slot = (self.recorded % SLOTS as u64) as usize;
         self.frames.ring.write_instances(slot, &instances);
         self.frames.ring.write_top_level(slot, &self.tlas.nodes);
+        if let Some(deforming) = &self.deforming {
+            self.frames.ring.write_shapes(slot, &deforming.uploads(&self.scene));
+        }
     }
 
     fn write_constants(&mut self, slot: usize, inputs: &FrameInputs<'_>, moment: &Moment) {
@@ -396,13 +421,16 @@ impl Frames {
     fn new(context: &Context, scene: &ResidentScene, settings: &Settings) -> Result<Self> {
         let model = Model::of(&scene.requirements, settings);
         let storage = Storage::new(settings, model.bits());
-        let buffers = FrameBuffers::new(context, settings, &storage, scene.instance_count(), scene.light_count())?;
-        let ring = Ring::new(context, scene)?;
+        let deforming = model.has(shaders::MODEL_DEFORM).then(|| deforming::previous_triangles(scene));
+        let (instances, lights) = (scene.instance_count(), scene.light_count());
+        let buffers = FrameBuffers::new(context, settings, &storage, instances, lights, deforming)?;
+        let shapes = deforming::targets(scene, &scene.resources(), buffers.resources(0).previous_corners);
+        let ring = Ring::new(context, scene, &shapes)?;
         // Two plans of less than 28 passes each.
         let kit = Kit::new(context, 2 * 28, model.bits())?;
         let plan_of = |slot: usize| -> Result<Plan> {
             let resources = buffers.resources(slot);
-            let transfers = ring.transfers(slot, &resources, scene);
+            let transfers = ring.transfers(slot, &resources, scene, &shapes);
             plan::plan(&kit, settings, &resources, &scene.resources(), &transfers)
         };
         let plans = [plan_of(0)?, plan_of(1)?];

@@ -1,6 +1,7 @@
 //! A scene in device memory: what does not change from frame to frame.
 
 use crate::accel::{BvhBuildParams, Geometry};
+use crate::deforming::Deformable;
 use crate::gpu::image::Sampler;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Range, Resource};
 use crate::phase::SceneResources;
@@ -22,6 +23,7 @@ pub struct ResidentScene {
     pub(crate) lights: Vec<Light>,
     pub(crate) environment: Environment,
     pub(crate) requirements: Requirements,
+    pub(crate) deformables: Vec<Deformable>,
     nodes: Buffer,
     corners: Buffer,
     rest: Buffer,
@@ -56,6 +58,7 @@ impl ResidentScene {
             lights: scene.lights.clone(),
             environment: scene.environment,
             requirements: requirements::inspect(scene),
+            deformables: Deformable::of(scene)?,
             nodes: upload("BVH nodes", bytemuck::cast_slice(&nodes))?,
             corners: upload("triangle corners", bytemuck::cast_slice(&geometry.triangle_corners))?,
             rest: upload("triangle corners", bytemuck::cast_slice(&geometry.triangle_rest))?,

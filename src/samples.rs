@@ -1,7 +1,11 @@
 //! Where a frame's samples lie, to be looked at or drawn.
 
+use crate::accel::Geometry;
 use crate::oracle::camera::{project, transform_point};
-use crate::shaders::{Frame, INSTANCE_MASK, Instance, NEW_INSTANCE, OCCLUDED_BIT, SKY_INSTANCE, Sample};
+use crate::oracle::triangle::triangle_point;
+use crate::shaders::{
+    Frame, INSTANCE_DEFORMS, INSTANCE_MASK, Instance, NEW_INSTANCE, OCCLUDED_BIT, SKY_INSTANCE, Sample,
+};
 
 /// A sample of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +31,18 @@ pub enum SampleKind {
 /// that were given up, and those that lie outside the frame by rounding, are left out.
 pub fn points(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> Vec<SamplePoint> {
     samples.iter().filter_map(|sample| point(frame, instances, sample)).collect()
+}
+
+/// Puts samples that are told by their triangle, on instances that deform, to where that is in a geometry.
+pub fn place(geometry: &Geometry, instances: &[Instance], samples: &mut [Sample]) {
+    for sample in samples {
+        let Some(instance) = instances.get((sample.instance & INSTANCE_MASK) as usize) else { continue };
+        if instance.flags & INSTANCE_DEFORMS != 0 {
+            let [slot, u, v] = sample.position;
+            let corners = geometry.corners(instance.triangle_base + slot as u32).map(|p| p.to_array());
+            sample.position = triangle_point(corners, u, v);
+        }
+    }
 }
 
 fn point(frame: &Frame, instances: &[Instance], sample: &Sample) -> Option<SamplePoint> {

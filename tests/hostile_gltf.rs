@@ -15,6 +15,7 @@ use glam::DAffine3;
 use gltf::{File, push};
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use stillray::scene::deform::{Deformed, deform};
 use stillray::scene::{import, requirements};
 
 /// How many mutations are tried of each kind.
@@ -140,8 +141,33 @@ fn everything() -> File {
     file
 }
 
+/// A file with a skin of two sets of joints, sparse morph targets, and animations of both.
+fn deforming() -> File {
+    let mut file = File::skinned();
+    file.joints(1, &[[1, 0, 1, 0]; 3], &[[0.25, 0.0, 0.5, 0.0]; 3]);
+    file.target(&[[0.0, 0.0, 1.0]; 3]);
+    let sparse = file.target(&[[0.0, 1.0, 0.0]; 3]);
+    let (indices, values) = (file.view(&[0, 2]), file.view(&[[0; 12], [1; 12]].concat()));
+    file.json["accessors"][sparse] = json!({ "componentType": gltf::F32, "type": "VEC3", "count": 3, "sparse": {
+        "count": 2,
+        "indices": { "bufferView": indices, "componentType": gltf::U8, "byteOffset": 0 },
+        "values": { "bufferView": values, "byteOffset": 0 },
+    } });
+    file.json["meshes"][0]["weights"] = json!([0.5, -0.5]);
+    file.animate("weights", "CUBICSPLINE", &[0.0, 1.0], &[[0.5]; 12]);
+    file.animate("rotation", "LINEAR", &[0.0, 1.0], &[[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0]]);
+    file.json["animations"][1]["channels"][0]["target"]["node"] = json!(2);
+    file.json["nodes"][2]["scale"] = json!([1, 2, -1]);
+    push(&mut file.json["nodes"], json!({ "mesh": 0, "skin": 0, "weights": [1, 1] }));
+    push(&mut file.json["nodes"], json!({ "mesh": 0 }));
+    file.json["scenes"][0]["nodes"] = json!([0, 1, 3, 4]);
+    file
+}
+
 fn originals() -> Vec<Original> {
     let mut out = vec![
+        Original::new(Path::new("deforming.gltf"), deforming().gltf()),
+        Original::new(Path::new("deforming.glb"), deforming().glb()),
         Original::new(Path::new("everything.gltf"), everything().gltf()),
         Original::new(Path::new("everything.glb"), everything().glb()),
     ];
@@ -353,6 +379,17 @@ fn try_out(bytes: &[u8], path: &Path) -> bool {
     assert_eq!(pose.instances.len(), scene.instances.len());
     assert!(pose.instances.iter().all(DAffine3::is_finite) && pose.cameras.iter().all(|c| c.rotation.is_finite()));
     assert!(pose.lights.iter().all(|l| l.position.is_finite() && l.direction.is_finite()));
+    assert_eq!(pose.deformations.len(), scene.deformers.len());
+    let mut shaped = Deformed::default();
+    for deformation in &pose.deformations {
+        let mesh = &scene.meshes[scene.instances[deformation.instance].mesh];
+        assert_eq!(deformation.weights.len(), mesh.morph_targets.len());
+        assert!(mesh.joints.iter().flatten().flatten().all(|&joint| usize::from(joint) < deformation.joints.len()));
+        deform(mesh, deformation, &mut shaped);
+        assert_eq!(shaped.normals.len(), mesh.positions.len());
+        assert!(shaped.positions.iter().all(|p| p.is_finite()) && shaped.tangents.iter().all(|t| t.is_finite()));
+        assert!(shaped.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5));
+    }
     for mesh in &scene.meshes {
         let count = mesh.positions.len();
         assert!(mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < count));
@@ -418,6 +455,24 @@ fn amplification_is_stopped() {
     file.attribute("POSITION", &positions);
     let primitive = file.json["meshes"][0]["primitives"][0].clone();
     file.json["meshes"][0]["primitives"] = vec![primitive; 4096].into();
+    let message = file.message();
+    assert!(message.contains("split the scene"), "{message}");
+
+    // Each instance of a mesh that deforms has its own.
+    let mut file = File::triangle();
+    file.attribute("POSITION", &positions);
+    file.target(&positions);
+    file.json["nodes"] = (0..4096).map(|_| json!({ "mesh": 0 })).collect();
+    file.json["scenes"][0]["nodes"] = (0..4096).collect();
+    let message = file.message();
+    assert!(message.contains("split the scene"), "{message}");
+
+    let mut file = File::skinned();
+    file.json["skins"][0] = json!({ "joints": vec![1; 1 << 16] });
+    for _ in 0..128 {
+        let node = push(&mut file.json["nodes"], json!({ "mesh": 0, "skin": 0 }));
+        push(&mut file.json["scenes"][0]["nodes"], json!(node));
+    }
     let message = file.message();
     assert!(message.contains("split the scene"), "{message}");
 

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 use stillray::progress::Quiet;
 use stillray::renderer::{Fill, Method, Settings};
-use stillray::reproduce::figures::{Figures, distributions, thickening};
+use stillray::reproduce::figures::{Figures, distributions, samplers, thickening};
 use stillray::reproduce::phases;
 use stillray::samples::SampleKind;
 use stillray::scene::motion::Motion;
@@ -78,6 +78,21 @@ fn figures_are_drawn_and_named() {
     let text = |name: &str| fs::read_to_string(dir.path().join("figures").join(name)).unwrap();
     assert!(text("thing-10-before.svg").contains("#ffd21e") && text("thing-10-before.svg").contains("#2b6cff"));
     assert!(!text("thing-10-converged.svg").contains("<circle"));
+    rig.assert_clean();
+}
+
+#[test]
+fn every_strategy_is_drawn_with_both_tilings() {
+    let rig = Rig::new(load("builtin:penumbra"));
+    let dir = tempfile::tempdir().unwrap();
+    let markdown = figure(&rig, dir.path(), samplers);
+    assert_eq!(named(&markdown).len(), 16, "{markdown}");
+    let error = |strategy: &str| -> f64 {
+        let line = markdown.lines().find(|line| line.starts_with(&format!("| {strategy} "))).unwrap();
+        line.split('|').nth(3).unwrap().trim().parse().unwrap()
+    };
+    let errors = ["sobol", "sudoku", "random"].map(error);
+    assert!(errors.iter().all(|e| *e > 0.0) && errors[0] < errors[2], "{markdown}");
     rig.assert_clean();
 }
 

@@ -1,5 +1,5 @@
 // Where a sample is, and where the picture shows it: through its own point of the lens, if the camera has an aperture. Needs
-// bindings `frame` and `instances`, and with LENS `sampler_table`.
+// bindings `frame` and `instances`, with LENS `sampler_table`, with DEFORM `corners` and `rest`.
 
 #ifndef STILLRAY_PLACE
 #define STILLRAY_PLACE
@@ -27,11 +27,33 @@ bool is_surface(Sample s) {
     return (s.instance & INSTANCE_MASK) < frame.data.instance_count;
 }
 
+#ifdef DEFORM
+#include "triangle.glsl"
+
+// A sample on a surface that deforms lies on a triangle, wherever that is.
+vec3 object_position(Sample s, uint id) {
+    if ((instances.data[id].flags & INSTANCE_DEFORMS) == 0u) {
+        return s.position;
+    }
+    uint p = instances.data[id].triangle_base + uint(s.position.x);
+    vec3 a;
+    vec3 b;
+    vec3 c;
+    unpack_corners(corners.data[2u * p], corners.data[2u * p + 1u], rest.data[p], a, b, c);
+    return triangle_point(a, b, c, s.position.y, s.position.z);
+}
+#else
+vec3 object_position(Sample s, uint id) {
+    return s.position;
+}
+#endif
+
 // Camera-relative metres; a direction for the sky.
 vec3 relative_position(Sample s) {
     vec3 relative = s.position;
     if (is_surface(s)) {
-        relative = transform_point(instances.data[s.instance & INSTANCE_MASK].to_relative, s.position);
+        uint id = s.instance & INSTANCE_MASK;
+        relative = transform_point(instances.data[id].to_relative, object_position(s, id));
     }
     return relative;
 }

@@ -15,10 +15,13 @@ const uint MODEL_ALPHA = 8u;   // surfaces have holes
 const uint MODEL_LENS = 16u;   // the camera has an aperture
 const uint MODEL_AREA = 32u;   // some light has an extent
 const uint MODEL_ENVIRONMENT = 64u;  // light comes from all around as a map says
+const uint MODEL_DEFORM = 128u;  // some mesh deforms
 
 // A cached sample: 16 bytes (paper 1, section 5).
 struct Sample {
-    vec3 position;  // object space, metres; for SKY_INSTANCE a unit direction in world space; for NEW_INSTANCE (x, y, 0) in pixels
+    // Object space, metres; on an instance that deforms (triangle slot in the mesh, weight of vertex 1, weight of vertex 2); for
+    // SKY_INSTANCE a unit direction in world space; for NEW_INSTANCE (x, y, 0) in pixels.
+    vec3 position;
     uint instance;  // bit 31: occluded in the frame that wrote it; bits 0..30: instance, or one of the two marks below
 };
 
@@ -82,6 +85,9 @@ struct Instance {
 
 const uint INSTANCE_FLIPPED = 1u;  // the transform's determinant is negative
 const uint INSTANCE_ALPHA = 2u;    // some material of the mesh has an alpha mask or blend
+const uint INSTANCE_DEFORMS = 4u;  // the mesh is another one in each frame
+const uint INSTANCE_SHAPE_SHIFT = 4u;  // of an instance that deforms, the bits from here on: its first triangle in `previous_corners`
+const uint SHAPE_TRIANGLES = 16777216u;  // that a mesh which deforms may have: slots are told as floats
 
 const uint TRAVERSAL_STACK = 32u;        // entries of a ray's stack; accel/ refuses or rebuilds what would need more
 const uint TRAVERSAL_STEPS = 1048576u;   // nodes that a ray visits at most: an end, whatever the data

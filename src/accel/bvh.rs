@@ -41,7 +41,7 @@ pub(super) fn build(boxes: &[Bounds], params: &BvhBuildParams, depth_limit: u32,
 }
 
 fn encode(mut nodes: Vec<CwBvhNode>, order: Vec<u32>, boxes: &[Bounds]) -> Bvh {
-    let extent = encode_planes(&mut nodes, &order, boxes);
+    let extent = encode_planes(&mut nodes, &|slot| boxes[order[slot as usize] as usize]);
     Bvh { nodes, order, extent }
 }
 

@@ -1,9 +1,10 @@
 //! The two-level acceleration structure, laid out for the GPU.
 //!
-//! [`Geometry`] holds what never moves: a compressed eight-wide tree (CwBvh: Ylitie, Karras and Laine 2017, built with
-//! obvhs) a mesh, its triangles in leaf order, and vertex attributes, all meshes in one set of arrays. [`Tlas`] is the tree
-//! over the instances, rebuilt each frame. Both levels share one node buffer: the first [`Geometry::tlas_capacity`] nodes
-//! are the top level's. `glsl/include/traverse.glsl` walks it; [`crate::oracle::traverse`] is the same walk on the CPU.
+//! [`Geometry`] holds what keeps its shape: a compressed eight-wide tree (CwBvh: Ylitie, Karras and Laine 2017, built with
+//! obvhs) a mesh, its triangles in leaf order, and vertex attributes, all meshes in one set of arrays. A mesh that deforms is
+//! refitted in its place ([`Geometry::refit`]). [`Tlas`] is the tree over the instances, rebuilt each frame. Both levels
+//! share one node buffer: the first [`Geometry::tlas_capacity`] nodes are the top level's. `glsl/include/traverse.glsl` walks
+//! it; [`crate::oracle::traverse`] is the same walk on the CPU.
 //!
 //! A triangle takes 36 bytes of corners in two arrays, because the smallest limit of a buffer met in practice is 128 MiB and
 //! the original hairball has 2.9 million triangles.
@@ -14,14 +15,17 @@ mod cluster;
 pub(crate) mod encode;
 mod nodes;
 mod place;
+mod refit;
 mod tlas;
 
 pub use encode::{color as encode_color, normal as encode_normal, tangent as encode_tangent, vertex as encode_vertex};
 pub use obvhs::BvhBuildParams;
 pub use place::{is_placed, place};
+pub use refit::RefitOutcome;
 pub use tlas::Tlas;
 
 use glam::{Vec2, Vec3, Vec4};
+use obvhs::cwbvh::node::CwBvhNode;
 use rayon::prelude::*;
 
 use crate::progress::Progress;
@@ -74,7 +78,7 @@ impl Bounds {
 pub struct MeshRecord {
     /// First of its nodes in [`Geometry::nodes`]; the GPU's index is larger by [`Geometry::tlas_capacity`].
     pub first_node: u32,
-    /// Number of nodes, 0 for an empty mesh.
+    /// Number of nodes, 0 for an empty mesh. A mesh that deforms has some to spare at the end, for a tree that is built anew.
     pub node_count: u32,
     /// First of its triangle slots.
     pub first_triangle: u32,
@@ -92,7 +96,7 @@ pub struct MeshRecord {
     pub has_alpha: bool,
 }
 
-/// Everything about a scene's meshes that the GPU reads, immutable.
+/// Everything about a scene's meshes that the GPU reads; only [`Geometry::refit`] and [`Geometry::rebuild`] change it.
 #[derive(Debug, Clone, Default)]
 pub struct Geometry {
     /// Nodes of all meshes. Their child and primitive indices are relative to the mesh.
@@ -113,6 +117,8 @@ pub struct Geometry {
     pub instance_meshes: Vec<u32>,
     /// Nodes reserved for the top level at the start of the GPU's node buffer, at least 1.
     pub tlas_capacity: u32,
+    /// What tracing the tree of each mesh cost when it was built: see [`RefitOutcome::cost`].
+    built_costs: Vec<f64>,
 }
 
 impl Geometry {
@@ -127,12 +133,17 @@ impl Geometry {
         scene.meshes.iter().try_for_each(|mesh| check_mesh(scene, mesh))?;
         let total: usize = scene.meshes.iter().map(|m| m.triangles.len()).sum();
         let vertices: usize = scene.meshes.iter().map(|m| m.positions.len()).sum();
-        // A node has at least one triangle of its own or two children: there are fewer nodes than triangles.
+        // A node has at least one triangle of its own or two children: there are fewer nodes than triangles, but for those
+        // to spare.
         index(scene, total + scene.instances.len(), "triangles and instances")?;
+        index(scene, total + total / 4 + 2 * scene.meshes.len() + scene.instances.len(), "nodes of the tree")?;
         index(scene, vertices, "vertices")?;
         progress.begin("building the acceleration structure", total as u64);
-        let trees: Vec<bvh::Bvh> = scene.meshes.par_iter().map(|mesh| build_mesh(mesh, params, progress)).collect();
+        let mut trees: Vec<bvh::Bvh> = scene.meshes.par_iter().map(|mesh| build_mesh(mesh, params, progress)).collect();
         progress.finish();
+        for (tree, _) in trees.iter_mut().zip(&scene.meshes).filter(|(_, mesh)| mesh.deforms()) {
+            tree.nodes.resize_with(tree.nodes.len() + refit::spare_nodes(tree.nodes.len()), CwBvhNode::default);
+        }
         let mut geometry = Self {
             tlas_capacity: scene.instances.len().max(1) as u32,
             instance_meshes: scene.instances.iter().map(|i| i.mesh as u32).collect(),
@@ -147,8 +158,7 @@ impl Geometry {
 
     /// The object-space corners of a triangle slot.
     pub fn corners(&self, slot: u32) -> [Vec3; 3] {
-        let [ax, ay, az, bx, by, bz, cx, cy] = self.triangle_corners[slot as usize];
-        [Vec3::new(ax, ay, az), Vec3::new(bx, by, bz), Vec3::new(cx, cy, self.triangle_rest[slot as usize])]
+        unpack(self.triangle_corners[slot as usize], self.triangle_rest[slot as usize])
     }
 
     fn reserve(&mut self, trees: &[bvh::Bvh], triangles: usize, vertices: usize) {
@@ -173,19 +183,29 @@ impl Geometry {
             bounds: tree.extent.map_or(Bounds::EMPTY, |e| e.bounds),
             has_alpha: has_alpha(scene, mesh),
         });
+        self.built_costs.push(tree.extent.map_or(1.0, |e| e.cost()));
         self.nodes.extend_from_slice(bytemuck::cast_slice(&tree.nodes));
         self.source_triangles.extend_from_slice(&tree.order);
         for &source in &tree.order {
             let indices = mesh.triangles[source as usize];
-            let [a, b, c] = indices.map(|i| mesh.positions[i as usize]);
-            self.triangle_corners.push([a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y]);
-            self.triangle_rest.push(c.z);
+            let (corners, rest) = pack(indices.map(|i| mesh.positions[i as usize]));
+            self.triangle_corners.push(corners);
+            self.triangle_rest.push(rest);
             let [vertex0, vertex1, vertex2] = indices.map(|i| first_vertex + i);
             let material = mesh.triangle_materials[source as usize];
             self.triangles.push(shaders::Triangle { vertex0, vertex1, vertex2, material });
         }
         self.vertices.extend((0..mesh.positions.len()).map(|i| vertex_of(mesh, i)));
     }
+}
+
+/// Corners as [`Geometry::triangle_corners`] and [`Geometry::triangle_rest`] have them.
+fn pack([a, b, c]: [Vec3; 3]) -> ([f32; 8], f32) {
+    ([a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y], c.z)
+}
+
+fn unpack([ax, ay, az, bx, by, bz, cx, cy]: [f32; 8], cz: f32) -> [Vec3; 3] {
+    [Vec3::new(ax, ay, az), Vec3::new(bx, by, bz), Vec3::new(cx, cy, cz)]
 }
 
 fn vertex_of(mesh: &Mesh, i: usize) -> shaders::Vertex {
@@ -223,11 +243,15 @@ fn check_mesh(scene: &Scene, mesh: &Mesh) -> Result<()> {
     if mesh.triangle_materials.len() != mesh.triangles.len() {
         return fail("has not one material a triangle: mend the mesh".to_owned());
     }
-    // Written so that NaN fails as well.
-    if !mesh.positions.iter().all(|p| p.abs().max_element() <= MAX_COORDINATE && p.is_finite()) {
+    if !mesh.positions.iter().all(|p| in_bounds(*p)) {
         return fail(format!("has a vertex that is not finite or beyond {MAX_COORDINATE:e} m: scale it down"));
     }
     Ok(())
+}
+
+/// Whether a position is one that a tree can be built over. Written so that NaN fails as well.
+fn in_bounds(p: Vec3) -> bool {
+    p.abs().max_element() <= MAX_COORDINATE && p.is_finite()
 }
 
 fn index(scene: &Scene, count: usize, what: &str) -> Result<()> {

@@ -10,7 +10,7 @@ use stillray::headless::{Device, LoadedScene};
 use stillray::progress::Progress;
 use stillray::report::{file, json};
 use stillray::reproduce::contest::{Contestant, Score, contest};
-use stillray::reproduce::figures::{Figures, distributions, qualities, thickening};
+use stillray::reproduce::figures::{Figures, distributions, qualities, samplers, thickening};
 use stillray::reproduce::phases;
 use stillray::reproduce::tables::{FIGURE_5, REFERENCE, claims, details, figure_5, overview, points};
 use stillray::scene::fingerprint::fingerprint;
@@ -129,15 +129,16 @@ impl Reproduce {
             self.with_studio(scene, device, |studio, progress| {
                 let stop = &interrupt::requested;
                 let figures = Figures { studio: *studio, scene, size: self.size, folder: &folder, progress, stop };
-                all.push((format!("Paper 1, {title} ({scene})"), draw(&figures)?.ok_or_else(stopped)?));
+                all.push((format!("{title} ({scene})"), draw(&figures)?.ok_or_else(stopped)?));
                 Ok(())
             })
         };
-        figure("builtin:hairball", "Figure 6: sample distributions", distributions)?;
+        figure("builtin:hairball", "Paper 1, Figure 6: sample distributions", distributions)?;
         for scene in ["builtin:hairball", "builtin:text", "builtin:bump"] {
-            figure(scene, "Figure 8: supersampling and stable ray tracing", qualities)?;
+            figure(scene, "Paper 1, Figure 8: supersampling and stable ray tracing", qualities)?;
         }
-        figure("builtin:strands", "Figure 10: edge thickening, before and after", thickening)?;
+        figure("builtin:strands", "Paper 1, Figure 10: edge thickening, before and after", thickening)?;
+        figure("builtin:penumbra", "Paper 2, Figure 16: strategies and tilings", samplers)?;
         Ok(all)
     }
 

@@ -37,6 +37,7 @@ pub struct FrameBuffers {
     frame: Buffer,
     instances: Buffer,
     lights: Buffer,
+    previous_corners: Option<Buffer>,
     /// The frame.
     pub color: Image,
     /// All of [`Aov::ALL`], or none.
@@ -44,7 +45,7 @@ pub struct FrameBuffers {
 }
 
 impl FrameBuffers {
-    /// Allocates everything; the counters and images start cleared.
+    /// Allocates everything, for so many triangles that deform, if that is modelled; the counters and images start cleared.
     ///
     /// # Errors
     /// [`Error::TooLarge`] and [`Error::OutOfMemory`] with what to lower, [`Error::Setting`] for a size beyond what images
@@ -55,6 +56,7 @@ impl FrameBuffers {
         storage: &Storage,
         instances: usize,
         lights: usize,
+        deforming: Option<usize>,
     ) -> Result<Self> {
         // All sizes are checked before any memory is asked for.
         check_image(context, settings)?;
@@ -89,6 +91,10 @@ impl FrameBuffers {
             frame: make("frame constants", size_of::<Frame>() as u64)?,
             instances: make("instances", (instances * size_of::<Instance>()) as u64)?,
             lights: make("lights", (lights * size_of::<Light>()) as u64)?,
+            // Something has to be bound where nothing deforms and is modelled all the same.
+            previous_corners: deforming
+                .map(|triangles| make("previous corners", 36 * triangles.max(1) as u64))
+                .transpose()?,
             color: color_image(context, settings)?,
             aovs: aov_images(context, settings)?,
         };
@@ -123,6 +129,7 @@ impl FrameBuffers {
             ages: ages("ages", slot),
             memory: self.memory(slot),
             seeds: self.seeds(slot),
+            previous_corners: self.previous_corners.as_ref().map(|b| Range::whole("previous corners", b)),
             claims: shared("claims", 0, s.claims),
             masks: Range::whole("masks", &self.masks),
             plan: Range::whole("plan", &self.plan),

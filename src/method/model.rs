@@ -39,6 +39,7 @@ impl Model {
         let lens = feature(Feature::Lens).or_else(all);
         let area = feature(Feature::AreaLights).or_else(all);
         let environment = feature(Feature::EnvironmentMap).or_else(all);
+        let deform = feature(Feature::SkinnedMeshes).or_else(|| feature(Feature::MorphedMeshes)).or_else(all);
         let seed = lens.clone().or_else(|| area.clone()).or_else(|| environment.clone());
         let part = |bit, name, price, cause| Part { bit, name, price, cause };
         let parts = vec![
@@ -50,6 +51,12 @@ impl Model {
                 "a map of light from all around",
                 "a direction and a shadow ray a sample",
                 environment,
+            ),
+            part(
+                shaders::MODEL_DEFORM,
+                "meshes that deform",
+                "their upload in each frame, twice their corners",
+                deform,
             ),
             part(shaders::MODEL_SEED, "seeds of samples", "4 bytes a cached sample", seed),
             part(shaders::MODEL_AGE, "ages of samples", "4 bytes a cached sample", aov(Aov::Age)),

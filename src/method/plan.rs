@@ -51,7 +51,7 @@ pub fn plan(
     passes.extend(match settings.method.sampling() {
         Sampling::Reprojected if settings.fills() => decided_after_verification(kit, f, s)?,
         Sampling::Reprojected => decided_before_verification(kit, f, s)?,
-        Sampling::Tracked => traced(phase::track::passes(kit, f)?, kit, f, s)?,
+        Sampling::Tracked => traced(phase::track::passes(kit, f, s)?, kit, f, s)?,
         Sampling::Fresh => traced(vec![phase::generate::pass(kit, f)?], kit, f, s)?,
     });
     passes.push(phase::shadow::pass(kit, f, s)?);
@@ -80,7 +80,7 @@ fn traced(mut passes: Vec<Pass>, kit: &Kit, f: &FrameResources, s: &SceneResourc
 
 /// Samples as paper 1 has them (its figure 2).
 fn decided_before_verification(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
-    let mut passes = phase::reproject::passes(kit, f)?;
+    let mut passes = phase::reproject::passes(kit, f, s)?;
     passes.push(phase::analyze::pass(kit, f)?);
     passes.extend(phase::list::passes(kit, f)?);
     passes.push(phase::verify::pass(kit, f, s)?);
@@ -90,7 +90,7 @@ fn decided_before_verification(kit: &Kit, f: &FrameResources, s: &SceneResources
 
 /// Samples with a fill: nothing is added or evicted before it is known what is visible.
 fn decided_after_verification(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
-    let mut passes = phase::reproject::nearest_passes(kit, f)?;
+    let mut passes = phase::reproject::nearest_passes(kit, f, s)?;
     passes.push(phase::analyze::keep_pass(kit, f)?);
     passes.extend(phase::list::passes(kit, f)?);
     passes.push(phase::verify::pass(kit, f, s)?);

@@ -9,7 +9,7 @@ use crate::phase::FrameResources;
 use crate::resident::ResidentScene;
 use crate::shaders::{Counters, Frame, Instance, Light};
 
-/// A slot holds the frame's constants, instances, lights and top level, in this order.
+/// A slot holds the frame's constants, instances, lights, top level, and what deforms, in this order.
 #[derive(Debug)]
 pub struct Ring {
     up: Vec<Buffer>,
@@ -17,19 +17,27 @@ pub struct Ring {
     instances: u64,
     lights: u64,
     top_level: u64,
+    /// Offsets of what deforms.
+    shapes: Vec<u64>,
 }
 
 impl Ring {
-    /// For the instances and lights of this scene.
+    /// For the instances and lights of this scene, and what deforms in it, which goes to `shapes`.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
-    pub fn new(context: &Context, scene: &ResidentScene) -> Result<Self> {
+    pub fn new(context: &Context, scene: &ResidentScene, shapes: &[Range]) -> Result<Self> {
         let after = |offset: u64, bytes: usize| (offset + bytes as u64).next_multiple_of(16);
         let instances = after(0, size_of::<Frame>());
         let lights = after(instances, scene.instance_count() * size_of::<Instance>());
         let top_level = after(lights, scene.light_count() * size_of::<Light>());
-        let size = top_level + scene.top_level().size;
+        let mut size = top_level + scene.top_level().size;
+        let mut offsets = Vec::with_capacity(shapes.len());
+        for range in shapes {
+            size = size.next_multiple_of(16);
+            offsets.push(size);
+            size += range.size;
+        }
         let up = || Buffer::new(context, "upload ring", size, Place::Upload);
         let down = || Buffer::new(context, "read-back ring", size_of::<Counters>() as u64, Place::Readback);
         Ok(Self {
@@ -38,19 +46,22 @@ impl Ring {
             instances,
             lights,
             top_level,
+            shapes: offsets,
         })
     }
 
     /// The copies of a slot's frame.
-    pub fn transfers(&self, slot: usize, f: &FrameResources, scene: &ResidentScene) -> Transfers {
+    pub fn transfers(&self, slot: usize, f: &FrameResources, scene: &ResidentScene, shapes: &[Range]) -> Transfers {
         let from = |offset, size| Range { offset, size, ..Range::whole("upload ring", &self.up[slot]) };
         let sized = |range: Range, count: usize, each: usize| Range { size: (count * each) as u64, ..range };
         let instances = sized(f.instances, scene.instance_count(), size_of::<Instance>());
         let lights = sized(f.lights, scene.light_count(), size_of::<Light>());
         let all =
             [(0, f.frame), (self.instances, instances), (self.lights, lights), (self.top_level, scene.top_level())];
+        let shapes = self.shapes.iter().copied().zip(shapes.iter().copied());
         // Vulkan has no empty copies.
-        let uploads = all.into_iter().filter(|(_, to)| to.size > 0).map(|(at, to)| (from(at, to.size), to));
+        let uploads =
+            all.into_iter().chain(shapes).filter(|(_, to)| to.size > 0).map(|(at, to)| (from(at, to.size), to));
         Transfers { uploads: uploads.collect(), readback: Range::whole("read-back ring", &self.down[slot]) }
     }
 
@@ -72,6 +83,11 @@ impl Ring {
     /// Writes the top level, at most as many nodes as the scene reserves.
     pub fn write_top_level(&mut self, slot: usize, nodes: &[Node]) {
         self.up[slot].write(self.top_level, bytemuck::cast_slice(nodes));
+    }
+
+    /// Writes what deforms, in the order of the ranges that the ring was made for.
+    pub fn write_shapes(&mut self, slot: usize, shapes: &[&[u8]]) {
+        self.shapes.iter().zip(shapes).for_each(|(offset, bytes)| self.up[slot].write(*offset, bytes));
     }
 
     /// The counters of the slot's last frame.

@@ -57,7 +57,7 @@ impl Kit {
     /// # Errors
     /// [`crate::Error::Vulkan`].
     pub fn new(context: &Context, passes: u32, model: u32) -> Result<Self> {
-        let binder = Binder::new(context, passes, 17)?;
+        let binder = Binder::new(context, passes, 24)?;
         Ok(Self { context: context.clone(), binder, pipelines: RefCell::default(), model })
     }
 
@@ -116,6 +116,8 @@ pub struct FrameResources {
     pub memory: Option<Memory>,
     /// What lens, time and lights are sampled by, if anything is.
     pub seeds: Option<SeedResources>,
+    /// Corners that triangles of deforming meshes had in the last frame, nine floats each, if there are any.
+    pub previous_corners: Option<Range>,
     /// A word a subpixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
     pub claims: Range,
     /// Two floats a pixel, with point tracking: where the ray of each pixel goes, in pixels.

@@ -1,6 +1,6 @@
 //! Reprojection (paper 1, section 4.1): every cached sample claims the subpixel that it projects to.
 
-use super::{FrameResources, Kit, b};
+use super::{FrameResources, Kit, SceneResources, b};
 use crate::Result;
 use crate::gpu::{Pass, Resource};
 use crate::shaders::{reproject as shader, reproject_displaced, reproject_nearest};
@@ -9,26 +9,26 @@ use crate::shaders::{reproject as shader, reproject_displaced, reproject_nearest
 ///
 /// # Errors
 /// [`crate::Error::Vulkan`] if the pipeline cannot be made.
-pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
+pub fn passes(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
     let [claims, masks] = cleared(f);
     let shader = shader::modelling(kit.model());
-    Ok(vec![claims, masks, kit.dispatch("reproject", shader, &bindings(f).of(shader), &[], f.dense())?])
+    Ok(vec![claims, masks, kit.dispatch("reproject", shader, &bindings(f, s).of(shader), &[], f.dense())?])
 }
 
 /// As [`passes`], but the nearer wins, and others take what is free in their pixel.
 ///
 /// # Errors
 /// As for [`passes`].
-pub fn nearest_passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
+pub fn nearest_passes(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
     let [claims, masks] = cleared(f);
     let nearest = reproject_nearest::modelling(kit.model());
     let displaced = reproject_displaced::modelling(kit.model());
     Ok(vec![
         claims,
         masks,
-        kit.dispatch("reproject", nearest, &bindings(f).of(nearest), &[], f.dense())?,
+        kit.dispatch("reproject", nearest, &bindings(f, s).of(nearest), &[], f.dense())?,
         Pass::copy("reproject", f.masks, f.plan),
-        kit.dispatch("reproject", displaced, &bindings(f).of(displaced), &[], f.dense())?,
+        kit.dispatch("reproject", displaced, &bindings(f, s).of(displaced), &[], f.dense())?,
     ])
 }
 
@@ -37,7 +37,7 @@ fn cleared(f: &FrameResources) -> [Pass; 2] {
 }
 
 /// Of all variants: `taken` is the masks before, in the plan, which is of no use yet and holds as much.
-fn bindings(f: &FrameResources) -> reproject_displaced::Bindings<Resource> {
+fn bindings(f: &FrameResources, s: &SceneResources) -> reproject_displaced::Bindings<Resource> {
     reproject_displaced::Bindings {
         frame: b(f.frame),
         instances: b(f.instances),
@@ -48,5 +48,7 @@ fn bindings(f: &FrameResources) -> reproject_displaced::Bindings<Resource> {
         taken: b(f.plan),
         seeds: f.seeds.map(|seeds| b(seeds.previous)),
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+        corners: Some(b(s.corners)),
+        rest: Some(b(s.rest)),
     }
 }

@@ -18,6 +18,8 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         found: b(f.found),
         samples: b(f.samples),
         counters: b(f.counters),
+        instances: Some(b(f.instances)),
     };
-    kit.dispatch("retain", shader::SHADER, &bindings.list(), &[], f.pixels())
+    let shader = shader::modelling(kit.model());
+    kit.dispatch("retain", shader, &bindings.of(shader), &[], f.pixels())
 }

@@ -1,6 +1,6 @@
 //! Point tracking (paper 3, Algorithm 1): the hit points of the last frame direct the rays of this one.
 
-use super::{FrameResources, Kit, b};
+use super::{FrameResources, Kit, SceneResources, b};
 use crate::Result;
 use crate::gpu::{Pass, Resource};
 use crate::shaders::{nearest, nearest_index, track as shader};
@@ -9,7 +9,7 @@ use crate::shaders::{nearest, nearest_index, track as shader};
 ///
 /// # Errors
 /// [`crate::Error::Vulkan`] if a pipeline cannot be made.
-pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
+pub fn passes(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<Pass>> {
     let points = nearest::Bindings {
         frame: b(f.frame),
         instances: b(f.instances),
@@ -18,6 +18,8 @@ pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
         tracked: b(f.claims),
         seeds: f.seeds.map(|seeds| b(seeds.previous)),
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+        corners: Some(b(s.corners)),
+        rest: Some(b(s.rest)),
     };
     let bindings = shader::Bindings {
         frame: b(f.frame),
@@ -31,6 +33,8 @@ pub fn passes(kit: &Kit, f: &FrameResources) -> Result<Vec<Pass>> {
         previous_seeds: f.seeds.map(|seeds| b(seeds.previous)),
         seeds: f.seeds.map(|seeds| b(seeds.now)),
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+        corners: Some(b(s.corners)),
+        rest: Some(b(s.rest)),
     };
     let dispatch = |shader, list: &[Resource], threads| kit.dispatch("track", shader, list, &[], threads);
     let [distance, index] = [nearest::modelling(kit.model()), nearest_index::modelling(kit.model())];

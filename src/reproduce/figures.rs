@@ -1,9 +1,10 @@
-//! Paper 1's figures 6, 8 and 10: pictures, and the Markdown that shows them.
+//! Paper 1's figures 6, 8 and 10, and paper 2's figure 16: pictures, and the Markdown that shows them.
 
 use crate::Result;
 use crate::progress::Progress;
 use crate::report::distribution::{self, Area};
 use crate::report::png::Picture;
+use crate::sampler::{Strategy, Tiling};
 use crate::samples::SamplePoint;
 use crate::scene::motion::Motion;
 use crate::settings::{Edges, Fill, Method, Settings, Weights};
@@ -116,6 +117,37 @@ pub fn thickening(figures: &Figures<'_>) -> Result<Option<String>> {
     )))
 }
 
+/// Paper 2's Figure 16: soft shadows at 16 samples a pixel, by strategy and tiling, where the first is worst; with the RMSE of
+/// each picture, of display values against a converged one. Two strategies are not the paper's: `sobol` and `random`.
+///
+/// # Errors
+/// Those of rendering, and of files.
+pub fn samplers(figures: &Figures<'_>) -> Result<Option<String>> {
+    let Some(converged) = figures.converged(Motion::Static)? else { return Ok(None) };
+    let mut text = String::from("| | 4x4 tiles | RMSE | sudoku tiles | RMSE |\n| --- | --- | ---: | --- | ---: |\n");
+    let mut area = None;
+    for sampler in Strategy::ALL {
+        let _ = write!(text, "| {}", sampler.name());
+        for tiling in Tiling::ALL {
+            let settings = Settings { spp: 16, sampler, tiling, ..Settings::of(Method::Supersample) };
+            let Some(frame) = figures.settled(&settings, Motion::Static)? else { return Ok(None) };
+            let side = (figures.size[0].min(figures.size[1]) / 3).max(1);
+            let area = area.get_or_insert_with(|| worst_area(&frame.picture, &converged, side));
+            let name = format!("16-{}-{}", sampler.name(), tiling.name());
+            let picture = figures.show(&name, &area.cut(&frame.picture, 3))?;
+            let _ = write!(text, " | {picture} | {:.5}", display_rmse(&frame.picture, &converged));
+        }
+        text.push_str(" |\n");
+    }
+    Ok(Some(text))
+}
+
+/// Of display values from 0 to 1.
+fn display_rmse(a: &Picture, b: &Picture) -> f64 {
+    let squares = a.rgb.iter().zip(&b.rgb).map(|(a, b)| ((f64::from(*a) - f64::from(*b)) / 255.0).powi(2));
+    (squares.sum::<f64>() / a.rgb.len().max(1) as f64).sqrt()
+}
+
 impl Figures<'_> {
     /// The frame after those in which the cache settles.
     fn settled(&self, settings: &Settings, motion: Motion) -> Result<Option<Drawn>> {
@@ -186,6 +218,14 @@ fn worst_area(picture: &Picture, exact: &Picture, side: u32) -> Area {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn errors_are_of_display_values() {
+        let grey = Picture { width: 2, height: 1, rgb: vec![51; 6] };
+        let lighter = Picture { rgb: vec![51, 51, 51, 102, 102, 102], ..grey.clone() };
+        assert_eq!(display_rmse(&grey, &grey), 0.0);
+        assert!((display_rmse(&grey, &lighter) - 0.2 / 2.0_f64.sqrt()).abs() < 1e-12);
+    }
 
     #[test]
     fn the_worst_area_is_where_pictures_differ() {

@@ -25,6 +25,10 @@ pub fn fingerprint(scene: &Scene) -> String {
     }
     scene.cameras.iter().for_each(|c| hash.shown(format_args!("camera {} {} {:?}", c.node, c.yfov, c.lens)));
     scene.animations.iter().for_each(|a| hash.shown(format_args!("{:?}", a.channels)));
+    for skin in &scene.skins {
+        hash.shown(format_args!("skin {:?} {:?}", skin.joints, skin.inverse_bind));
+    }
+    scene.deformers.iter().for_each(|deformer| hash.shown(format_args!("{deformer:?}")));
     hash.shown(format_args!("{:?} {:?} {:?}", scene.instances, scene.textures, scene.environment));
     if let Some(map) = &scene.environment_map {
         hash.words(&[map.width, map.height, map.scale.to_bits()]);
@@ -51,6 +55,18 @@ impl Hasher {
         self.list(&mesh.colors);
         self.list(&mesh.triangles);
         self.list(&mesh.triangle_materials);
+        if mesh.deforms() {
+            self.shape(mesh);
+        }
+    }
+
+    fn shape(&mut self, mesh: &Mesh) {
+        for target in &mesh.morph_targets {
+            [&target.positions, &target.normals, &target.tangents].into_iter().for_each(|deltas| self.list(deltas));
+        }
+        mesh.joints.iter().for_each(|joints| self.list(joints));
+        mesh.weights.iter().for_each(|weights| self.list(weights));
+        self.shown(format_args!("{:?}", mesh.flat));
     }
 
     /// With its length, so that nothing can move from one list to the next unnoticed.
@@ -116,5 +132,11 @@ mod tests {
             change(&mut changed);
             assert_ne!(own, fingerprint(&changed), "change {i}");
         }
+        let mut morphing = scene.clone();
+        morphing.meshes[0].morph_targets.push(super::super::MorphTarget::default());
+        assert_ne!(own, fingerprint(&morphing), "a mesh that morphs");
+        let mut held = morphing.clone();
+        held.deformers.push(super::super::Deformer::default());
+        assert_ne!(fingerprint(&morphing), fingerprint(&held), "what deforms it");
     }
 }

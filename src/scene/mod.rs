@@ -8,6 +8,7 @@
 pub mod atlas;
 pub mod builtin;
 pub mod color;
+pub mod deform;
 pub mod environment;
 pub mod fingerprint;
 pub mod import;
@@ -15,7 +16,10 @@ pub mod motion;
 pub mod pose;
 pub mod requirements;
 pub mod shot;
+mod skeleton;
 pub mod sky;
+
+use std::ops::Range;
 
 pub use environment::EnvironmentMap;
 use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
@@ -41,8 +45,13 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Cameras; never empty after loading (a framing camera stands in).
     pub cameras: Vec<Camera>,
-    /// Animated node transforms.
+    /// Animated node transforms and morph weights.
     pub animations: Vec<Animation>,
+    /// Skeletons that bend meshes.
+    pub skins: Vec<Skin>,
+    /// The instances whose meshes change their shape, in the order of the instances; empty for a rigid scene. The mesh of
+    /// each is its own: no other instance has it.
+    pub deformers: Vec<Deformer>,
     /// Uniform light from infinity.
     pub environment: Environment,
     /// Light from infinity that differs by direction, added to the uniform one.
@@ -70,12 +79,63 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Material of each triangle, in range; as long as `triangles`.
     pub triangle_materials: Vec<u32>,
+    /// What [`Deformation::weights`] weighs; empty for a mesh that does not morph.
+    pub morph_targets: Vec<MorphTarget>,
+    /// Joints that each vertex follows, indices into [`Skin::joints`]: up to four, or up to eight where the second set is
+    /// not empty. Both are empty for a mesh without a skin.
+    pub joints: [Vec<[u16; 4]>; 2],
+    /// Weights of `joints`, 0..=1, those of a vertex adding up to 1.
+    pub weights: [Vec<[f32; 4]>; 2],
+    /// Ranges of vertices of a mesh that deforms, three a triangle in the order of its corners, which have their
+    /// triangle's normal: it is found anew after each deformation.
+    pub flat: Vec<Range<u32>>,
+}
+
+impl Mesh {
+    /// Whether a deformation can change the shape.
+    #[must_use]
+    pub fn deforms(&self) -> bool {
+        !self.morph_targets.is_empty() || !self.joints[0].is_empty()
+    }
+}
+
+/// Displacements of a mesh's vertices at a weight of 1. Each array is either empty or as long as [`Mesh::positions`].
+#[derive(Debug, Clone, Default)]
+pub struct MorphTarget {
+    /// Added to positions, in metres.
+    pub positions: Vec<Vec3>,
+    /// Added to normals, before these are made unit vectors again.
+    pub normals: Vec<Vec3>,
+    /// Added to tangents, before these are made unit vectors again.
+    pub tangents: Vec<Vec3>,
+}
+
+/// A skeleton that bends meshes.
+#[derive(Debug, Clone, Default)]
+pub struct Skin {
+    /// Name in the file, or a made-up one.
+    pub name: String,
+    /// The nodes that are joints.
+    pub joints: Vec<usize>,
+    /// From the space of the mesh to that of each joint, in the pose in which the mesh was bound; as long as `joints`.
+    pub inverse_bind: Vec<DAffine3>,
+}
+
+/// An instance whose mesh changes its shape.
+#[derive(Debug, Clone, Default)]
+pub struct Deformer {
+    /// Index into [`Scene::instances`].
+    pub instance: usize,
+    /// Index into [`Scene::skins`].
+    pub skin: Option<usize>,
+    /// Weights of the mesh's morph targets where no animation drives them: one a target, finite.
+    pub weights: Vec<f64>,
 }
 
 /// A mesh placed by a node.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Instance {
-    /// The node whose global transform places the mesh.
+    /// The node whose global transform places the mesh; where a skin bends it, only the skin's joints do.
     pub node: usize,
     /// Index into [`Scene::meshes`].
     pub mesh: usize,
@@ -348,7 +408,7 @@ pub struct Animation {
 /// One animated property of one node.
 #[derive(Debug, Clone)]
 pub struct Channel {
-    /// The node.
+    /// The node; for weights the one that places the mesh.
     pub node: usize,
     /// Key times in seconds, strictly increasing, at least one.
     pub times: Vec<f64>,
@@ -378,6 +438,8 @@ pub enum ChannelValues {
     Rotation(Vec<DQuat>),
     /// Factors.
     Scale(Vec<DVec3>),
+    /// Weights of morph targets, of all targets one after the other for each value.
+    Weights(Vec<f64>),
 }
 
 /// Uniform radiance from all directions: what a ray that hits nothing sees, and the ambient light on surfaces.
@@ -390,12 +452,26 @@ pub struct Environment {
 /// Everything that moves, at one moment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Pose {
-    /// Object-to-world transform of each of [`Scene::instances`].
+    /// Object-to-world transform of each of [`Scene::instances`]. That of a skinned one follows a joint of the skin.
     pub instances: Vec<DAffine3>,
+    /// The shape of each of [`Scene::deformers`].
+    pub deformations: Vec<Deformation>,
     /// Each of [`Scene::lights`], placed.
     pub lights: Vec<LightPose>,
     /// Each of [`Scene::cameras`], placed.
     pub cameras: Vec<View>,
+}
+
+/// The shape of a mesh at one moment: morphed first, then bent. See [`deform::deform`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Deformation {
+    /// Index into [`Scene::instances`].
+    pub instance: usize,
+    /// What each of [`Skin::joints`] does to the mesh, in the space that the instance's transform places; empty without a
+    /// skin.
+    pub joints: Vec<DAffine3>,
+    /// The weight of each of [`Mesh::morph_targets`].
+    pub weights: Vec<f64>,
 }
 
 /// A light's place at one moment.

@@ -1,9 +1,12 @@
 //! Everything that moves, at one moment, in f64.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use std::collections::HashMap;
+
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use super::{
-    Animation, Camera, Channel, ChannelValues, Interpolation, LightPose, LocalTransform, Mesh, Pose, Scene, View,
+    Animation, Camera, Channel, ChannelValues, Deformation, Interpolation, LightPose, LocalTransform, Mesh, Pose,
+    Scene, View, deform,
 };
 
 impl LocalTransform {
@@ -41,21 +44,56 @@ impl Scene {
     #[must_use]
     pub fn pose(&self, time: f64) -> Pose {
         let globals = self.global_transforms(time);
-        Pose {
+        let mut pose = Pose {
             instances: self.instances.iter().map(|instance| globals[instance.node]).collect(),
+            deformations: Vec::with_capacity(self.deformers.len()),
             lights: self.lights.iter().map(|light| light_pose(&globals[light.node])).collect(),
             cameras: self.cameras.iter().map(|camera| view(&globals[camera.node], camera)).collect(),
+        };
+        for (deformer, weights) in self.deformers.iter().zip(self.morph_weights(time)) {
+            let mut joints = Vec::new();
+            if let Some(skin) = deformer.skin {
+                (pose.instances[deformer.instance], joints) = self.skins[skin].place(&globals);
+            }
+            pose.deformations.push(Deformation { instance: deformer.instance, joints, weights });
         }
+        pose
     }
 
     /// The world-space box around all instances in a pose, as its lowest and highest corner in metres; none if there
-    /// is no triangle. It contains the transformed boxes of the meshes: it can be larger than the tightest one.
+    /// is no triangle. It contains the transformed boxes of the meshes: it can be larger than the tightest one. Deforms
+    /// the meshes that the pose deforms, which takes its time.
     #[must_use]
     pub fn bounds(&self, pose: &Pose) -> Option<(DVec3, DVec3)> {
-        let boxes: Vec<_> = self.meshes.iter().map(mesh_bounds).collect();
+        let mut boxes: Vec<_> = self.meshes.iter().map(|mesh| mesh_bounds(mesh, &mesh.positions)).collect();
+        for deformation in &pose.deformations {
+            let mesh = self.instances[deformation.instance].mesh;
+            boxes[mesh] = mesh_bounds(&self.meshes[mesh], &deform::positions(&self.meshes[mesh], deformation));
+        }
         let placed = self.instances.iter().zip(&pose.instances);
         let boxes = placed.filter_map(|(instance, transform)| Some(transformed(boxes[instance.mesh]?, transform)));
         boxes.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+    }
+
+    /// The morph weights of each deformer.
+    fn morph_weights(&self, time: f64) -> Vec<Vec<f64>> {
+        let mut weights: Vec<Vec<f64>> = self.deformers.iter().map(|deformer| deformer.weights.clone()).collect();
+        if weights.iter().all(Vec::is_empty) {
+            return weights;
+        }
+        let nodes = self.deformers.iter().map(|deformer| self.instances[deformer.instance].node);
+        let deformer_of: HashMap<usize, usize> = nodes.zip(0..).collect();
+        for animation in &self.animations {
+            let time = looped(time, animation.duration());
+            for channel in &animation.channels {
+                if let (ChannelValues::Weights(values), Some(&deformer)) =
+                    (&channel.values, deformer_of.get(&channel.node))
+                {
+                    channel.weights(&Segment::find(&channel.times, time), values, &mut weights[deformer]);
+                }
+            }
+        }
+        weights
     }
 
     /// The object-to-world transform of each node.
@@ -85,6 +123,23 @@ impl Channel {
             ChannelValues::Translation(values) => *translation = self.vector(&at, values),
             ChannelValues::Scale(values) => *scale = self.vector(&at, values),
             ChannelValues::Rotation(values) => *rotation = self.quaternion(&at, values),
+            ChannelValues::Weights(_) => {} // no part of a transform
+        }
+    }
+
+    /// Sets the weights of all morph targets.
+    fn weights(&self, at: &Segment, values: &[f64], out: &mut [f64]) {
+        let targets = out.len();
+        for (target, out) in out.iter_mut().enumerate() {
+            let value = |row: usize| values[row * targets + target];
+            *out = match self.interpolation {
+                Interpolation::Step => value(at.key),
+                Interpolation::Linear => value(at.key) + (value(at.next) - value(at.key)) * at.fraction,
+                Interpolation::CubicSpline => {
+                    let weights = at.hermite();
+                    at.cubic_rows().into_iter().zip(weights).map(|(row, weight)| value(row) * weight).sum()
+                }
+            };
         }
     }
 
@@ -140,7 +195,12 @@ impl Segment {
 
     /// Value and out-tangent of this key, in-tangent and value of the next one.
     fn cubic<T: Copy>(&self, values: &[T]) -> [T; 4] {
-        [values[3 * self.key + 1], values[3 * self.key + 2], values[3 * self.next], values[3 * self.next + 1]]
+        self.cubic_rows().map(|row| values[row])
+    }
+
+    /// Where [`Segment::cubic`] finds its values.
+    fn cubic_rows(&self) -> [usize; 4] {
+        [3 * self.key + 1, 3 * self.key + 2, 3 * self.next, 3 * self.next + 1]
     }
 
     /// Weights of what [`Segment::cubic`] returns (glTF 2.0, appendix C.4).
@@ -173,9 +233,10 @@ fn slerp(from: DQuat, to: DQuat, fraction: f64) -> DQuat {
     sum.normalize()
 }
 
-fn mesh_bounds(mesh: &Mesh) -> Option<(DVec3, DVec3)> {
-    let first = mesh.positions.get(mesh.triangles.first()?[0] as usize)?.to_owned();
-    let corners = mesh.triangles.iter().flatten().map(|&vertex| mesh.positions[vertex as usize]);
+/// The box around a mesh's triangles, were its vertices at `positions`.
+fn mesh_bounds(mesh: &Mesh, positions: &[Vec3]) -> Option<(DVec3, DVec3)> {
+    let first = positions.get(mesh.triangles.first()?[0] as usize)?.to_owned();
+    let corners = mesh.triangles.iter().flatten().map(|&vertex| positions[vertex as usize]);
     let (low, high) = corners.fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
     Some((low.as_dvec3(), high.as_dvec3()))
 }
@@ -210,7 +271,7 @@ fn upright(back: DVec3, up: DVec3) -> [DVec3; 2] {
 }
 
 /// `v` normalised; none if it is zero or not finite. Scaled first, because extreme scales overflow when squared.
-fn unit(v: DVec3) -> Option<DVec3> {
+pub(super) fn unit(v: DVec3) -> Option<DVec3> {
     let largest = v.abs().max_element();
     (v.is_finite() && largest > 0.0).then(|| (v / largest).normalize())
 }

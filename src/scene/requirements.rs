@@ -7,7 +7,7 @@ use std::fmt;
 use glam::{DAffine3, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::{AlphaMode, Camera, Light, LightKind, LightShape, Material, Scene, TextureRef, Wrap};
+use super::{AlphaMode, Camera, ChannelValues, Light, LightKind, LightShape, Material, Scene, TextureRef, Wrap};
 
 /// What inspecting a scene found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -166,6 +166,10 @@ pub enum Feature {
     MovingCameras,
     /// Cameras with an aperture, before and behind whose plane in focus things blur.
     Lens,
+    /// Meshes that a skeleton bends.
+    SkinnedMeshes,
+    /// Meshes with morph targets.
+    MorphedMeshes,
 }
 
 impl fmt::Display for Feature {
@@ -204,6 +208,7 @@ pub fn inspect(scene: &Scene) -> Requirements {
     found.instances(scene);
     found.motion(scene);
     found.cameras(scene);
+    found.deformation(scene);
     let features = found.0.into_iter().map(|(feature, cause)| Requirement { feature, cause }).collect();
     Requirements { contents: contents(scene), features }
 }
@@ -323,20 +328,32 @@ impl Found {
     fn motion(&mut self, scene: &Scene) {
         let mut moving = vec![false; scene.nodes.len()];
         for channel in scene.animations.iter().flat_map(|animation| &animation.channels) {
-            moving[channel.node] = true;
+            moving[channel.node] |= !matches!(channel.values, ChannelValues::Weights(_));
         }
         for (index, node) in scene.nodes.iter().enumerate() {
             moving[index] |= node.parent.is_some_and(|parent| moving[parent]);
         }
         let cause = |node: usize| format!("node '{}'", scene.nodes[node].name);
-        for node in scene.instances.iter().map(|instance| instance.node) {
-            self.note(moving[node], Feature::MovingInstances, || cause(node));
+        let skinned = scene.deformers.iter().filter_map(|d| Some((d.instance, &scene.skins[d.skin?].joints)));
+        let skinned: BTreeMap<usize, &Vec<usize>> = skinned.collect();
+        for (index, instance) in scene.instances.iter().enumerate() {
+            // A skin's joints move its mesh, whatever the node does.
+            let mut movers = skinned.get(&index).map_or(std::slice::from_ref(&instance.node), |joints| joints).iter();
+            self.note(movers.any(|&node| moving[node]), Feature::MovingInstances, || cause(instance.node));
         }
         for node in scene.lights.iter().map(|light| light.node) {
             self.note(moving[node], Feature::MovingLights, || cause(node));
         }
         for node in scene.cameras.iter().map(|camera| camera.node) {
             self.note(moving[node], Feature::MovingCameras, || cause(node));
+        }
+    }
+
+    fn deformation(&mut self, scene: &Scene) {
+        for deformer in &scene.deformers {
+            let cause = || format!("node '{}'", scene.nodes[scene.instances[deformer.instance].node].name);
+            self.note(deformer.skin.is_some(), Feature::SkinnedMeshes, cause);
+            self.note(!deformer.weights.is_empty(), Feature::MorphedMeshes, cause);
         }
     }
 }

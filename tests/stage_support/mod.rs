@@ -90,6 +90,7 @@ pub fn quad(material: usize, steps: u32) -> Mesh {
         colors: grid().map(|(x, y)| Vec4::new(1.0, x, y, 1.0)).collect(),
         triangle_materials: vec![material as u32; triangles.len()],
         triangles,
+        ..Mesh::default()
     }
 }
 

@@ -91,6 +91,37 @@ impl File {
         accessor
     }
 
+    /// Adds a morph target to the first primitive.
+    pub fn target(&mut self, positions: &[[f32; 3]]) -> usize {
+        let accessor = self.floats(positions);
+        push(&mut self.json["meshes"][0]["primitives"][0]["targets"], json!({ "POSITION": accessor }));
+        accessor
+    }
+
+    /// Sets a set of joints of the first primitive, of 8 bits, with their weights.
+    pub fn joints(&mut self, set: u32, joints: &[[u8; 4]], weights: &[[f32; 4]]) {
+        let accessor = self.accessor(U8, "VEC4", joints.len(), &joints.concat());
+        self.json["meshes"][0]["primitives"][0]["attributes"][format!("JOINTS_{set}")] = json!(accessor);
+        self.attribute(&format!("WEIGHTS_{set}"), weights);
+    }
+
+    /// The triangle, bent by a skin of the nodes 1 `root` and 2 `tip`, which is (0, 1, 0) above. Both are bound where they
+    /// are; the first two vertices follow the root, the third one the tip.
+    pub fn skinned() -> Self {
+        let mut file = Self::triangle();
+        file.joints(0, &[[0, 1, 0, 0]; 3], &[[1.0, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0]]);
+        push(&mut file.json["nodes"], json!({ "name": "root", "children": [2] }));
+        push(&mut file.json["nodes"], json!({ "name": "tip", "translation": [0, 1, 0] }));
+        file.json["nodes"][0]["skin"] = json!(0);
+        file.json["scenes"][0]["nodes"] = json!([0, 1]);
+        let mut matrices = [[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0f32]; 2];
+        matrices[1][13] = -1.0;
+        let bytes: Vec<u8> = matrices.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
+        let accessor = file.accessor(F32, "MAT4", 2, &bytes);
+        file.json["skins"] = json!([{ "name": "the skin", "joints": [1, 2], "inverseBindMatrices": accessor }]);
+        file
+    }
+
     /// Sets the indices of the first primitive, of 16 bits.
     pub fn indices(&mut self, indices: &[u16]) -> usize {
         let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();

@@ -57,7 +57,7 @@ pub(super) fn count(document: &Document, index: usize, place: &str) -> Result<u6
     Ok(accessor(document, index, place)?.count.0)
 }
 
-/// Reads scalars or vectors of `N` components as floats, all finite. `place` names the array in messages.
+/// Reads scalars, vectors or 4×4 matrices of `N` components as floats, all finite. `place` names the array in messages.
 pub(super) fn read_floats<const N: usize>(
     document: &Document,
     index: usize,
@@ -98,24 +98,48 @@ pub(super) fn read_floats<const N: usize>(
 
 /// Reads unsigned scalars. `place` names the array in messages.
 pub(super) fn read_indices(document: &Document, index: usize, place: &str) -> Result<Vec<u32>> {
+    let indices = read_unsigned::<1>(document, index, place, "unsigned scalars", true)?;
+    Ok(indices.into_iter().map(|[index]| index).collect())
+}
+
+/// Reads vectors of four 8- or 16-bit integers, which name joints. `place` names the array in messages.
+pub(super) fn read_joints(document: &Document, index: usize, place: &str) -> Result<Vec<[u16; 4]>> {
+    let joints = read_unsigned::<4>(document, index, place, "vectors of four 8- or 16-bit integers", false)?;
+    Ok(joints.into_iter().map(|joints| joints.map(|joint| joint as u16)).collect())
+}
+
+fn read_unsigned<const N: usize>(
+    document: &Document,
+    index: usize,
+    place: &str,
+    wanted: &str,
+    wide: bool,
+) -> Result<Vec<[u32; N]>> {
     let elements = open(document, index, place)?;
-    let unsigned = matches!(elements.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
-    if elements.components != 1 || !unsigned || elements.normalized {
-        return Err(document.bad(format!("{place} (accessor {index}) are not unsigned scalars: export it again")));
+    let component = elements.component;
+    let unsigned =
+        matches!(component, ComponentType::U8 | ComponentType::U16) || wide && component == ComponentType::U32;
+    if elements.components != N || !unsigned || elements.normalized {
+        return Err(document.bad(format!("{place} (accessor {index}) are not {wanted}: export it again")));
     }
-    let mut out = vec![0; elements.count];
+    let mut out = vec![[0; N]; elements.count];
     if let Some(data) = &elements.data {
         for (i, out) in out.iter_mut().enumerate() {
-            *out = decode_index(data.element(i), elements.component);
+            *out = decode_integers(data.element(i), component);
         }
     }
     if let Some(sparse) = &elements.sparse {
         for i in 0..sparse.count {
             let at = sparse_index(document, sparse, i, elements.count, place)?;
-            out[at] = decode_index(sparse.values.element(i), elements.component);
+            out[at] = decode_integers(sparse.values.element(i), component);
         }
     }
     Ok(out)
+}
+
+fn decode_integers<const N: usize>(bytes: &[u8], component: ComponentType) -> [u32; N] {
+    let size = component.size();
+    std::array::from_fn(|i| decode_index(&bytes[i * size..][..size], component))
 }
 
 fn accessor<'a>(document: &'a Document, index: usize, place: &str) -> Result<&'a Accessor> {
@@ -170,14 +194,15 @@ fn open<'a>(document: &'a Document, index: usize, place: &str) -> Result<Element
     Ok(Elements { data, count, component, components, normalized: accessor.normalized, sparse })
 }
 
-/// Matrices hold no attribute; as 0 components they fit nothing.
+/// Small matrices, whose columns are padded, hold nothing that is read; as 0 components they fit nothing.
 fn components(kind: Type) -> usize {
     match kind {
         Type::Scalar => 1,
         Type::Vec2 => 2,
         Type::Vec3 => 3,
         Type::Vec4 => 4,
-        Type::Mat2 | Type::Mat3 | Type::Mat4 => 0,
+        Type::Mat4 => 16,
+        Type::Mat2 | Type::Mat3 => 0,
     }
 }
 

@@ -1,6 +1,6 @@
-//! Animated node transforms.
+//! Animated node transforms and morph weights.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DQuat, DVec3};
 use gltf::json;
@@ -9,18 +9,17 @@ use gltf::json::validation::Checked;
 
 use super::accessor::{Encoding, read_floats};
 use super::document::{Document, label, name_or};
-use super::nodes::{Placed, unit_quaternion};
+use super::nodes::{self, Placed, unit_quaternion};
 use crate::Result;
 use crate::scene::{Animation, Channel, ChannelValues, Interpolation, LocalTransform, Scene};
 
 /// Takes over all animations of nodes of the scene. They play together; if two drive the same property of a node, the
 /// first one does.
 pub(super) fn import(document: &Document, placed: &[Placed], scene: &mut Scene) -> Result<()> {
-    let mut node_of = vec![None; document.root.nodes.len()];
-    for (node, placed) in placed.iter().enumerate() {
-        node_of[placed.source] = Some(node);
-    }
-    let mut importer = Importer { document, node_of, driven: HashSet::new() };
+    let weighed = scene.deformers.iter().filter(|deformer| !deformer.weights.is_empty());
+    let targets_of = weighed.map(|d| (scene.instances[d.instance].node, d.weights.len())).collect();
+    let node_of = nodes::node_of(document, placed);
+    let mut importer = Importer { document, node_of, targets_of, driven: HashSet::new() };
     for (index, source) in document.root.animations.iter().enumerate() {
         let place = label("animation", index, source.name.as_deref());
         let mut animation =
@@ -39,6 +38,8 @@ struct Importer<'a> {
     document: &'a Document,
     /// The scene's node for each of the file's.
     node_of: Vec<Option<usize>>,
+    /// How many morph targets the mesh has that a node of the scene places, where it has some.
+    targets_of: HashMap<usize, usize>,
     /// Properties that an animation drives already.
     driven: HashSet<(usize, u8)>,
 }
@@ -64,10 +65,12 @@ impl Importer<'_> {
             Some(None) => return Ok(None), // a node of another scene
             Some(Some(node)) => *node,
         };
-        if property == Property::MorphTargetWeights {
-            return Ok(None); // nodes with morph targets are refused
+        let weighs = property == Property::MorphTargetWeights;
+        if weighs && !self.targets_of.contains_key(&node) {
+            scene.notices.push(format!("{place} is ignored: the node shows no mesh with morph targets"));
+            return Ok(None);
         }
-        if matches!(scene.nodes[node].local, LocalTransform::Matrix(_)) {
+        if !weighs && matches!(scene.nodes[node].local, LocalTransform::Matrix(_)) {
             scene.notices.push(format!("{place} is ignored: the node has a matrix, which glTF does not animate"));
             return Ok(None);
         }
@@ -98,25 +101,41 @@ impl Importer<'_> {
             }
         };
         let times = read_floats::<1>(document, sampler.input.value(), Encoding::Float, &format!("{place}, times"))?;
+        let targets = self.targets_of.get(&node).copied().filter(|_| property == Property::MorphTargetWeights);
         let mut keys = Keys {
             times: times.into_iter().map(|[time]| f64::from(time)).collect(),
-            per_key: if interpolation == Interpolation::CubicSpline { 3 } else { 1 },
+            rows: if interpolation == Interpolation::CubicSpline { 3 } else { 1 },
+            width: targets.unwrap_or(1),
             place,
         };
-        let output = sampler.output.value();
-        let values_place = format!("{place}, values");
-        let values = if property == Property::Rotation {
-            let values = read_floats::<4>(document, output, Encoding::Normalized, &values_place)?;
-            let values = keys.checked(document, values, notices)?;
-            ChannelValues::Rotation(rotations(document, &values, keys.per_key, place)?)
-        } else {
-            let values = read_floats::<3>(document, output, Encoding::Quantized, &values_place)?;
-            let values = keys.checked(document, values, notices)?;
-            let values = values.into_iter().map(|v| DVec3::from_array(v.map(f64::from))).collect();
-            if property == Property::Scale { ChannelValues::Scale(values) } else { ChannelValues::Translation(values) }
-        };
-        document.spend(keys.times.len())?;
+        let values = self.values(sampler.output.value(), property, &mut keys, notices)?;
+        document.spend(keys.times.len() * keys.width)?;
         Ok(Channel { node, times: keys.times, interpolation, values })
+    }
+
+    fn values(
+        &self,
+        output: usize,
+        property: Property,
+        keys: &mut Keys,
+        notices: &mut Vec<String>,
+    ) -> Result<ChannelValues> {
+        let document = self.document;
+        let place = format!("{}, values", keys.place);
+        if property == Property::Rotation {
+            let values = read_floats::<4>(document, output, Encoding::Normalized, &place)?;
+            let values = keys.checked(document, values, notices)?;
+            return Ok(ChannelValues::Rotation(rotations(document, &values, keys.rows, keys.place)?));
+        }
+        if property == Property::MorphTargetWeights {
+            let values = read_floats::<1>(document, output, Encoding::Normalized, &place)?;
+            let values = keys.checked(document, values, notices)?;
+            return Ok(ChannelValues::Weights(values.into_iter().map(|[weight]| f64::from(weight)).collect()));
+        }
+        let values = read_floats::<3>(document, output, Encoding::Quantized, &place)?;
+        let values = keys.checked(document, values, notices)?;
+        let values = values.into_iter().map(|v| DVec3::from_array(v.map(f64::from))).collect();
+        Ok(if property == Property::Scale { ChannelValues::Scale(values) } else { ChannelValues::Translation(values) })
     }
 }
 
@@ -135,7 +154,10 @@ fn rotations(document: &Document, values: &[[f32; 4]], per_key: usize, place: &s
 
 struct Keys<'a> {
     times: Vec<f64>,
-    per_key: usize,
+    /// 3 for cubic splines, or else 1.
+    rows: usize,
+    /// Values a row: one a morph target, or else 1.
+    width: usize,
     place: &'a str,
 }
 
@@ -143,11 +165,10 @@ impl Keys<'_> {
     /// Checks that the values fit the keys; of keys that coincide only the last one stays.
     fn checked<T: Copy>(&mut self, document: &Document, values: Vec<T>, notices: &mut Vec<String>) -> Result<Vec<T>> {
         let place = self.place;
-        let (keys, found) = (self.times.len(), values.len());
-        if keys == 0 || found != keys * self.per_key {
+        let (keys, found, per_key) = (self.times.len(), values.len(), self.rows * self.width);
+        if keys == 0 || found != keys * per_key {
             return Err(document.bad(format!(
-                "{place} has {keys} keys and {found} values, {} a key are needed: export it again",
-                self.per_key
+                "{place} has {keys} keys and {found} values, {per_key} a key are needed: export it again"
             )));
         }
         if self.times.windows(2).any(|pair| pair[1] < pair[0]) {
@@ -160,7 +181,7 @@ impl Keys<'_> {
         }
         notices.push(format!("{place} has keys that coincide; the last of each is used"));
         self.times = kept.iter().map(|&key| self.times[key]).collect();
-        let range = |key: &usize| key * self.per_key..(key + 1) * self.per_key;
+        let range = |key: &usize| key * per_key..(key + 1) * per_key;
         Ok(kept.iter().flat_map(range).map(|index| values[index]).collect())
     }
 }

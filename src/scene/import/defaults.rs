@@ -16,6 +16,8 @@ const AZIMUTH: f64 = 35.0 * std::f64::consts::PI / 180.0;
 const ELEVATION: f64 = 20.0 * std::f64::consts::PI / 180.0;
 /// How much farther away the framing camera is than it has to be.
 const MARGIN: f64 = 1.05;
+/// Moments of an animation that the framing camera takes into account.
+const MOMENTS: u32 = 16;
 /// Where the default light shines, in the space of the first camera: from over its right shoulder.
 const LIGHT: DVec3 = DVec3::new(-0.5, -0.8, -1.0);
 /// Names of that light and of its node.
@@ -27,12 +29,13 @@ const INTENSITY: f32 = PI;
 const AMBIENT: f32 = 0.4;
 
 impl Scene {
-    /// Adds what the renderer needs and the scene lacks, as of time 0. Called at the end of loading; the built-in
+    /// Adds what the renderer needs and the scene lacks. Called at the end of loading; the built-in
     /// scenes may call it, too. Doing it twice changes nothing.
     ///
     /// - No material: the default one of glTF.
-    /// - No camera: one named `framed`, with a vertical field of view of 45°, that sees the whole bounding box in any
-    ///   image at least as wide as high, from the front, 35° to the right and 20° above.
+    /// - No camera: one named `framed`, with a vertical field of view of 45°, that sees the whole bounding box, of an
+    ///   animated scene that of all moments, in any image at least as wide as high, from the front, 35° to the right and 20°
+    ///   above.
     /// - No light of its own (neither a punctual light of positive intensity nor an environment; emissive surfaces do
     ///   not count, because what they light is not traced by all methods): a white directional light of π lux over
     ///   the first camera's right shoulder, under which a white diffuse surface that faces it has a radiance of 1,
@@ -55,7 +58,7 @@ impl Scene {
     }
 
     fn framing_view(&self) -> View {
-        let (low, high) = self.bounds(&self.pose(0.0)).unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
+        let (low, high) = self.bounds_over_time().unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
         let (center, half) = (low.midpoint(high), (high - low) / 2.0);
         let (sin, cos) = ELEVATION.sin_cos();
         let back = DVec3::new(AZIMUTH.sin() * cos, sin, AZIMUTH.cos() * cos);
@@ -76,6 +79,14 @@ impl Scene {
     pub fn drop_default_light(&mut self) {
         let nodes = &self.nodes;
         self.lights.retain(|light| light.name != DEFAULT || nodes[light.node].name != DEFAULT_NODE);
+    }
+
+    /// The box around all that some moments of the animations, if there are any, have in them.
+    fn bounds_over_time(&self) -> Option<(DVec3, DVec3)> {
+        let moments = if self.animations.is_empty() { 1 } else { MOMENTS };
+        let times = (0..moments).map(|i| self.duration() * f64::from(i) / f64::from(moments));
+        let boxes = times.filter_map(|time| self.bounds(&self.pose(time)));
+        boxes.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 
     fn add_default_light(&mut self) {

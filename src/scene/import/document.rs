@@ -179,7 +179,7 @@ fn check_version(tree: &Value) -> OrMessage<()> {
 }
 
 /// Members that hold indices or enumerations, which the crate would silently truncate to 32 bits.
-const INDEX_KEYS: [&str; 20] = [
+const INDEX_KEYS: [&str; 25] = [
     "buffer",
     "bufferView",
     "camera",
@@ -188,6 +188,8 @@ const INDEX_KEYS: [&str; 20] = [
     "index",
     "indices",
     "input",
+    "inverseBindMatrices",
+    "joints",
     "light",
     "magFilter",
     "material",
@@ -198,8 +200,11 @@ const INDEX_KEYS: [&str; 20] = [
     "output",
     "sampler",
     "scene",
+    "skeleton",
+    "skin",
     "source",
     "attributes",
+    "targets",
 ];
 
 /// Refuses indices that do not fit 32 bits. The recursion is bounded by the JSON parser's own limit of 128 levels.
@@ -226,6 +231,7 @@ fn check_index(key: &str, value: &Value) -> OrMessage<()> {
             Some(index) if index <= u64::from(u32::MAX) => Ok(()),
             _ => Err(format!("'{key}' is {number}, which is no index: export it again")),
         },
+        Value::Array(targets) if key == "targets" => targets.iter().try_for_each(|v| check_index("attributes", v)),
         Value::Array(array) => array.iter().filter(|v| v.is_number()).try_for_each(|v| check_index(key, v)),
         Value::Object(map) if key == "attributes" => map.values().try_for_each(|v| check_index(key, v)),
         _ => Ok(()),

@@ -4,13 +4,18 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use crate::scene::Mesh;
+use crate::scene::{Mesh, MorphTarget};
 
-/// The mesh whose vertex `i` is vertex `source[i]` of `mesh`; triangles and materials are left out.
+/// The mesh whose vertex `i` is vertex `source[i]` of `mesh`; triangles, materials and flat ranges are left out.
 pub(super) fn gather(mesh: &Mesh, source: &[u32]) -> Mesh {
     fn pick<T: Copy>(values: &[T], source: &[u32]) -> Vec<T> {
         if values.is_empty() { Vec::new() } else { source.iter().map(|&i| values[i as usize]).collect() }
     }
+    let target = |target: &MorphTarget| MorphTarget {
+        positions: pick(&target.positions, source),
+        normals: pick(&target.normals, source),
+        tangents: pick(&target.tangents, source),
+    };
     Mesh {
         name: mesh.name.clone(),
         positions: pick(&mesh.positions, source),
@@ -18,8 +23,10 @@ pub(super) fn gather(mesh: &Mesh, source: &[u32]) -> Mesh {
         tangents: pick(&mesh.tangents, source),
         uvs: [pick(&mesh.uvs[0], source), pick(&mesh.uvs[1], source)],
         colors: pick(&mesh.colors, source),
-        triangles: Vec::new(),
-        triangle_materials: Vec::new(),
+        morph_targets: mesh.morph_targets.iter().map(target).collect(),
+        joints: [pick(&mesh.joints[0], source), pick(&mesh.joints[1], source)],
+        weights: [pick(&mesh.weights[0], source), pick(&mesh.weights[1], source)],
+        ..Mesh::default()
     }
 }
 
@@ -50,6 +57,9 @@ pub(super) fn with_flat_normals(mesh: Mesh) -> Mesh {
     out.normals = mesh.triangles.iter().flat_map(|t| [face_normal(&mesh.positions, *t); 3]).collect();
     out.triangles = (0..mesh.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     out.triangle_materials = mesh.triangle_materials;
+    if out.deforms() {
+        out.flat.push(0..corners.len() as u32);
+    }
     out
 }
 
@@ -106,11 +116,13 @@ pub(super) fn with_corner_tangents(mesh: Mesh, corners: &[Vec4]) -> Mesh {
     out.tangents = tangents;
     out.triangles = triangles;
     out.triangle_materials = mesh.triangle_materials;
+    out.flat = mesh.flat; // corners of their own are neither split nor put into another order
     out
 }
 
 /// Appends a part to a mesh. Arrays that only one of both has are filled up: white for colours, zero for texture
-/// coordinates, and any perpendicular direction for tangents; no material of the other part reads them.
+/// coordinates, and any perpendicular direction for tangents; no material of the other part reads them. Morph targets
+/// that only one of both has do not move the other, nor do joints.
 pub(super) fn append(mesh: &mut Mesh, part: Mesh) {
     let (before, added) = (mesh.positions.len(), part.positions.len());
     let base = before as u32;
@@ -118,12 +130,30 @@ pub(super) fn append(mesh: &mut Mesh, part: Mesh) {
     for (uvs, part) in mesh.uvs.iter_mut().zip(part.uvs) {
         extend(uvs, part, before, added, |_| Vec2::ZERO);
     }
+    for (set, part) in mesh.joints.iter_mut().zip(part.joints) {
+        extend(set, part, before, added, |_| [0; 4]);
+    }
+    for (set, part) in mesh.weights.iter_mut().zip(part.weights) {
+        extend(set, part, before, added, |_| [0.0; 4]);
+    }
+    append_targets(&mut mesh.morph_targets, part.morph_targets, before, added);
+    mesh.flat.extend(part.flat.into_iter().map(|range| range.start + base..range.end + base));
     mesh.positions.extend(part.positions);
     mesh.normals.extend(part.normals);
     let normals = &mesh.normals;
     extend(&mut mesh.tangents, part.tangents, before, added, |i| any_tangent(normals[i]));
     mesh.triangles.extend(part.triangles.into_iter().map(|t| t.map(|vertex| vertex + base)));
     mesh.triangle_materials.extend(part.triangle_materials);
+}
+
+fn append_targets(targets: &mut Vec<MorphTarget>, part: Vec<MorphTarget>, before: usize, added: usize) {
+    targets.resize_with(targets.len().max(part.len()), MorphTarget::default);
+    let part = part.into_iter().chain(std::iter::repeat_with(MorphTarget::default));
+    for (target, part) in targets.iter_mut().zip(part) {
+        extend(&mut target.positions, part.positions, before, added, |_| Vec3::ZERO);
+        extend(&mut target.normals, part.normals, before, added, |_| Vec3::ZERO);
+        extend(&mut target.tangents, part.tangents, before, added, |_| Vec3::ZERO);
+    }
 }
 
 fn extend<T>(values: &mut Vec<T>, part: Vec<T>, before: usize, added: usize, filler: impl Fn(usize) -> T) {
@@ -214,5 +244,38 @@ mod tests {
         let split = with_corner_tangents(mesh, &[s, s, s, t, t, t]);
         assert_eq!(split.positions.len(), 6);
         assert_eq!(split.tangents[split.triangles[1][0] as usize], t);
+    }
+    /// A quad whose vertex `i` is held by joint `i` and displaced to (i, 0, 0) by its only target.
+    fn deforming() -> Mesh {
+        let mut mesh = quad();
+        let n = mesh.positions.len();
+        mesh.joints[0] = (0..n as u16).map(|i| [i, 0, 0, 0]).collect();
+        mesh.weights[0] = vec![[1.0, 0.0, 0.0, 0.0]; n];
+        let positions = (0..n).map(|i| Vec3::X * i as f32).collect();
+        mesh.morph_targets = vec![MorphTarget { positions, ..MorphTarget::default() }];
+        mesh
+    }
+
+    #[test]
+    fn joints_and_targets_follow_their_vertices() {
+        let compacted = compact(deforming());
+        let flat = with_flat_normals(compacted);
+        assert_eq!((flat.flat.len(), flat.flat[0].clone()), (1, 0..6));
+        let tangents: Vec<Vec4> = (0..6).map(|i| Vec4::X * (1 + i % 2) as f32).collect();
+        let split = with_corner_tangents(flat, &tangents);
+        let mut mesh = with_flat_normals(compact(quad()));
+        append(&mut mesh, split);
+        assert_eq!((mesh.flat[0].clone(), mesh.positions.len()), (6..12, 12));
+        let original = deforming();
+        for vertex in 6..12 {
+            let source = original.positions.iter().position(|p| *p == mesh.positions[vertex]).unwrap();
+            assert_eq!(mesh.joints[0][vertex], original.joints[0][source]);
+            assert_eq!(mesh.weights[0][vertex], original.weights[0][source]);
+            assert_eq!(mesh.morph_targets[0].positions[vertex], original.morph_targets[0].positions[source]);
+        }
+        assert_eq!(mesh.weights[0][..6], [[0.0; 4]; 6], "what has no joints stays");
+        assert_eq!(mesh.morph_targets[0].positions[..6], [Vec3::ZERO; 6]);
+        assert!(mesh.morph_targets[0].normals.is_empty() && mesh.joints[1].is_empty());
+        assert!(with_flat_normals(compact(quad())).flat.is_empty(), "what is rigid needs no ranges");
     }
 }

@@ -10,54 +10,63 @@ use gltf::json::validation::Checked;
 use super::accessor::{self, Encoding};
 use super::document::{Document, name_or};
 use super::materials::Table;
-use super::nodes::Placed;
-use super::{geometry, tangents};
+use super::nodes::{self, Placed};
+use super::skins::Skins;
+use super::{geometry, morphs, tangents};
 use crate::Result;
-use crate::scene::{Instance, Material, Mesh, Scene};
+use crate::scene::{Deformer, Instance, Material, Mesh, Scene};
 
-/// Takes over each mesh that a node of the scene uses, once, with an instance a node.
+/// Takes over each mesh that a node of the scene uses, with an instance a node: once, but for meshes that deform, of which
+/// each instance gets its own.
 pub(super) fn import(document: &Document, placed: &[Placed], materials: &mut Table, scene: &mut Scene) -> Result<()> {
-    let mut known = HashMap::<usize, Option<usize>>::new();
+    let node_of = nodes::node_of(document, placed);
+    let mut skins = Skins::new(document, &node_of);
+    // Whether a mesh is shown with a skin belongs to the key: without one its joints do not count.
+    let mut known = HashMap::<(usize, bool), Option<usize>>::new();
     for (node, source) in placed.iter().enumerate().map(|(node, placed)| (node, placed.source)) {
-        let Some(index) = document.root.nodes.get(source).and_then(|n| n.mesh.map(|mesh| mesh.value())) else {
-            continue;
-        };
-        refuse_deformation(document, source, index)?;
-        let mesh = match known.get(&index) {
-            Some(&mesh) => mesh,
+        let Some(user) = document.root.nodes.get(source) else { continue };
+        let Some(index) = user.mesh.map(|mesh| mesh.value()) else { continue };
+        let mesh = match known.get(&(index, user.skin.is_some())) {
+            Some(&mesh) => mesh.map(|mesh| own(document, mesh, &mut scene.meshes)).transpose()?,
             None => {
-                let mesh = import_mesh(document, index, materials, &mut scene.notices)?;
+                let mesh = import_mesh(document, index, user.skin.is_some(), materials, &mut scene.notices)?;
                 let number = mesh.map(|mesh| {
                     scene.meshes.push(mesh);
                     scene.meshes.len() - 1
                 });
-                known.insert(index, number);
+                known.insert((index, user.skin.is_some()), number);
                 number
             }
         };
-        scene.instances.extend(mesh.map(|mesh| Instance { node, mesh }));
+        let Some(mesh) = mesh else { continue };
+        scene.instances.push(Instance { node, mesh });
+        let shape = &scene.meshes[mesh];
+        if shape.deforms() {
+            let place = format!("{} ({})", document.node_label(source), document.mesh_label(index));
+            let skin = user.skin.map(|skin| skins.bind(skin.value(), &place, shape, &mut scene.skins)).transpose()?;
+            let weights = morphs::rest_weights(document, source, index, shape.morph_targets.len(), &place)?;
+            scene.deformers.push(Deformer { instance: scene.instances.len() - 1, skin, weights });
+        }
     }
     Ok(())
 }
 
-/// Skins and morph targets move vertices, which the renderer cannot yet: drawn without, they would be wrong.
-fn refuse_deformation(document: &Document, node: usize, mesh: usize) -> Result<()> {
-    let place = || format!("{} ({})", document.node_label(node), document.mesh_label(mesh));
-    let advice = "export it without, or with the deformation baked in";
-    if document.root.nodes.get(node).is_some_and(|n| n.skin.is_some()) {
-        return Err(document.unsupported(place(), "a skin", advice));
+/// The mesh for one more instance: a copy if the mesh deforms.
+fn own(document: &Document, mesh: usize, meshes: &mut Vec<Mesh>) -> Result<usize> {
+    let source = &meshes[mesh];
+    if !source.deforms() {
+        return Ok(mesh);
     }
-    let primitives = document.root.meshes.get(mesh).map_or(&[][..], |mesh| &mesh.primitives);
-    if primitives.iter().any(|primitive| primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty())) {
-        return Err(document.unsupported(place(), "morph targets", advice));
-    }
-    Ok(())
+    document.spend(source.positions.len() * (1 + source.morph_targets.len()) + source.triangles.len())?;
+    meshes.push(source.clone());
+    Ok(meshes.len() - 1)
 }
 
 /// The mesh, or none if it has no triangles.
 fn import_mesh(
     document: &Document,
     index: usize,
+    skinned: bool,
     materials: &mut Table,
     notices: &mut Vec<String>,
 ) -> Result<Option<Mesh>> {
@@ -66,9 +75,14 @@ fn import_mesh(
     let mut mesh = Mesh { name: name_or("mesh", index, source.name.as_deref()), ..Mesh::default() };
     for (number, primitive) in source.primitives.iter().enumerate() {
         let place = format!("{}, primitive {number}", document.mesh_label(index));
-        let part = Part { document, primitive, place: &place }.import(materials, notices)?;
-        if let Some(part) = part {
+        let part = Part { document, primitive, place: &place, number: (index, number), skinned };
+        if let Some(part) = part.import(materials, notices)? {
             document.spend(part.positions.len() + part.triangles.len())?;
+            let (before, own) = (mesh.morph_targets.len(), part.morph_targets.len());
+            if !mesh.triangles.is_empty() && before != own {
+                let message = format!("{place} has {own} morph targets, but an earlier primitive {before}");
+                return Err(document.bad(message + ": export it again"));
+            }
             geometry::append(&mut mesh, part);
         }
     }
@@ -76,10 +90,15 @@ fn import_mesh(
 }
 
 /// One primitive.
-struct Part<'a> {
-    document: &'a Document,
-    primitive: &'a json::mesh::Primitive,
-    place: &'a str,
+pub(super) struct Part<'a> {
+    pub document: &'a Document,
+    pub primitive: &'a json::mesh::Primitive,
+    /// The mesh and the primitive, for messages.
+    pub place: &'a str,
+    /// Numbers of the mesh and of the primitive.
+    pub number: (usize, usize),
+    /// Whether a skin bends it.
+    skinned: bool,
 }
 
 impl Part<'_> {
@@ -109,24 +128,33 @@ impl Part<'_> {
         let mut mesh = self.vertices(positions, count, materials.material(material))?;
         mesh.triangle_materials = vec![material; triangles.len()];
         mesh.triangles = triangles;
+        mesh.morph_targets = self.targets(&mesh, count, notices)?;
+        if self.skinned {
+            self.follow_joints(&mut mesh, count, notices)?;
+        }
         self.complete(geometry::compact(mesh), materials.material(material), notices).map(Some)
     }
 
-    fn attribute(&self, semantic: &Semantic) -> Option<usize> {
+    pub fn attribute(&self, semantic: &Semantic) -> Option<usize> {
         self.primitive.attributes.get(&Checked::Valid(semantic.clone())).map(json::Index::value)
     }
 
     /// Reads an attribute if the primitive has it; it must have as many elements as there are positions.
-    fn read<const N: usize>(&self, semantic: &Semantic, encoding: Encoding, count: u64) -> Result<Vec<[f32; N]>> {
+    pub fn read<const N: usize>(&self, semantic: &Semantic, encoding: Encoding, count: u64) -> Result<Vec<[f32; N]>> {
         let Some(index) = self.attribute(semantic) else { return Ok(Vec::new()) };
         let place = format!("{}, {}", self.place, semantic.to_string());
-        let own = accessor::count(self.document, index, &place)?;
-        if own != count {
-            let message =
-                format!("{place} (accessor {index}) has {own} elements for {count} positions: export it again");
-            return Err(self.document.bad(message));
-        }
+        self.check_count(index, count, &place)?;
         accessor::read_floats(self.document, index, encoding, &place)
+    }
+
+    /// Refuses an array that has not as many elements as there are positions.
+    pub fn check_count(&self, index: usize, count: u64, place: &str) -> Result<()> {
+        let own = accessor::count(self.document, index, place)?;
+        if own == count {
+            return Ok(());
+        }
+        let message = format!("{place} (accessor {index}) has {own} elements for {count} positions: export it again");
+        Err(self.document.bad(message))
     }
 
     fn vertices(&self, positions: Vec<[f32; 3]>, count: u64, material: &Material) -> Result<Mesh> {

@@ -17,7 +17,9 @@ mod geometry;
 mod images;
 mod materials;
 mod mesh;
+mod morphs;
 mod nodes;
+mod skins;
 mod tangents;
 
 use std::path::Path;
@@ -33,8 +35,8 @@ use crate::Result;
 ///
 /// # Errors
 /// [`Error::Io`](crate::Error::Io) if the file cannot be read, [`Error::Scene`](crate::Error::Scene) if it is not
-/// valid, [`Error::Unsupported`](crate::Error::Unsupported) if it needs what stillray does not have: skins and morph
-/// targets of a node of the scene, a third set of texture coordinates, or a required extension other than
+/// valid, [`Error::Unsupported`](crate::Error::Unsupported) if it needs what stillray does not have: a third set of
+/// texture coordinates, or a required extension other than
 /// `KHR_lights_punctual`, `KHR_materials_unlit`, `KHR_materials_emissive_strength`, `KHR_texture_transform` and
 /// `KHR_mesh_quantization`.
 pub fn load(path: &Path) -> Result<Scene> {

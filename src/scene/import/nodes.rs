@@ -17,6 +17,15 @@ pub(super) struct Placed {
     pub source: usize,
 }
 
+/// The scene's node for each of the file's, if it has one.
+pub(super) fn node_of(document: &Document, placed: &[Placed]) -> Vec<Option<usize>> {
+    let mut node_of = vec![None; document.root.nodes.len()];
+    for (node, placed) in placed.iter().enumerate() {
+        node_of[placed.source] = Some(node);
+    }
+    node_of
+}
+
 /// Takes over the nodes of scene `wanted` (or of the default or first one), parents before children.
 pub(super) fn flatten(document: &Document, wanted: Option<usize>, scene: &mut Scene) -> Result<Vec<Placed>> {
     let scenes = &document.root.scenes;
@@ -56,15 +65,9 @@ pub(super) fn flatten(document: &Document, wanted: Option<usize>, scene: &mut Sc
 fn local_transform(document: &Document, index: usize, node: &json::Node) -> Result<LocalTransform> {
     let bad = |what: &str| document.bad(format!("{} has {what}: repair it", document.node_label(index)));
     if let Some(matrix) = node.matrix {
-        let m = matrix.map(f64::from);
-        // Files carry rounding noise in the last row; anything more is a projection.
-        let last = [m[3], m[7], m[11], m[15] - 1.0];
-        if !m.iter().all(|x| x.is_finite()) || last.iter().any(|x| x.abs() > 1e-4) {
-            return Err(bad("a matrix that is no finite affine transform"));
-        }
-        let column = |c: usize| DVec3::new(m[4 * c], m[4 * c + 1], m[4 * c + 2]);
-        let linear = DMat3::from_cols(column(0), column(1), column(2));
-        return Ok(LocalTransform::Matrix(DAffine3::from_mat3_translation(linear, column(3))));
+        return affine(matrix)
+            .map(LocalTransform::Matrix)
+            .ok_or_else(|| bad("a matrix that is no finite affine transform"));
     }
     let translation = DVec3::from_array(node.translation.unwrap_or_default().map(f64::from));
     let scale = DVec3::from_array(node.scale.unwrap_or([1.0; 3]).map(f64::from));
@@ -74,6 +77,18 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
         return Err(bad("a translation or scale that is not finite"));
     }
     Ok(LocalTransform::Trs { translation, rotation, scale })
+}
+
+/// The affine transform of a file's matrix, column by column; none if it is not finite or a projection.
+pub(super) fn affine(matrix: [f32; 16]) -> Option<DAffine3> {
+    let m = matrix.map(f64::from);
+    // Files carry rounding noise in the last row; anything more is a projection.
+    let last = [m[3], m[7], m[11], m[15] - 1.0];
+    if !m.iter().all(|x| x.is_finite()) || last.iter().any(|x| x.abs() > 1e-4) {
+        return None;
+    }
+    let column = |c: usize| DVec3::new(m[4 * c], m[4 * c + 1], m[4 * c + 2]);
+    Some(DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3)))
 }
 
 /// Normalises (x, y, z, w); none if it is zero or not finite. The values were f32: their squares do not overflow.
