@@ -52,7 +52,7 @@ pub struct Contents {
 /// What of a scene decides which settings make a difference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Traits {
-    /// Punctual lights.
+    /// Lights that get shadow rays: punctual ones, and a map of light from all around.
     pub lights: u32,
     /// Whether there are textures.
     pub textures: bool,
@@ -73,7 +73,7 @@ impl Traits {
         let open = |camera: &Camera| camera.lens.is_open();
         let wide = |light: &Light| light.shape != LightShape::Sharp;
         Self {
-            lights: scene.lights.len() as u32,
+            lights: scene.lights.len() as u32 + u32::from(scene.environment_map.is_some()),
             textures: !scene.textures.is_empty(),
             distributed: scene.cameras.iter().any(open)
                 || scene.lights.iter().any(wide)
@@ -374,7 +374,7 @@ mod tests {
     use glam::{Affine2, DMat3, DQuat, Vec2, Vec3, Vec4};
 
     use super::*;
-    use crate::scene::{Instance, LocalTransform, Mesh, Node, Texture};
+    use crate::scene::{EnvironmentMap, Instance, LocalTransform, Mesh, Node, Texture};
 
     /// One triangle with a material.
     fn scene_with(material: Material) -> Scene {
@@ -465,6 +465,15 @@ mod tests {
         assert!(!inspect(&scene).has(Feature::PointLights));
         scene.lights.push(Light { intensity: 1.0, ..light });
         assert_eq!(inspect(&scene).cause(Feature::LightRange), Some("light 'lamp'"));
+        assert_eq!((Traits::of(&scene).lights, Traits::of(&scene).distributed), (2, false));
+        scene.environment_map =
+            Some(EnvironmentMap { name: "sky.exr".to_owned(), width: 4, height: 2, ..Default::default() });
+        assert_eq!(inspect(&scene).cause(Feature::EnvironmentMap), Some("map 'sky.exr', 4 x 2"));
+        assert_eq!(
+            (Traits::of(&scene).lights, Traits::of(&scene).distributed),
+            (3, true),
+            "its shadows can be left out"
+        );
         scene.meshes[0].colors = vec![Vec4::ONE; 3];
         assert_eq!(inspect(&scene).cause(Feature::VertexColors), Some("mesh 'mesh'"));
     }

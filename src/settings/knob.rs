@@ -326,7 +326,7 @@ pub static KNOBS: &[Knob] = &[
     },
     Knob {
         name: "shadow.rays",
-        about: "lights at most that are chosen for a sample and get a shadow ray",
+        about: "lights at most that are chosen for a sample and get a shadow ray; a map of light from all around gets one more",
         unit: "rays/sample",
         trades: "fewer than there are lights: less time for noise, which sticks to the samples that live on; 0: no shadows at \
                  all",
