@@ -6,6 +6,7 @@
 mod bump;
 mod cornell;
 mod font;
+mod furnace;
 mod hairball;
 mod noise;
 mod penumbra;
@@ -31,6 +32,7 @@ pub const NAMES: &[(&str, &str)] = &[
     ("spheres", "metal and plastic balls over a checkered floor, with moving instances (?beads=0..4096)"),
     ("cornell", "the Cornell box with a point light"),
     ("penumbra", "soft shadows under a square luminaire (?light=0..800, its side in centimetres)"),
+    ("furnace", "white balls in white light, of which nothing may show (?albedo=0..100, per cent)"),
     ("strands", "flat unlit strands 0.3 to 1 pixel wide whose exact coverage is known (?count=1..64)"),
 ];
 
@@ -54,6 +56,7 @@ pub fn load(name: &str, seed: u32) -> Result<Scene> {
     let one = |parameter| Ok::<_, Error>(parameters(scene, query, std::slice::from_ref(parameter))?[0]);
     match scene {
         "hairball" => Ok(hairball::build(one(&hairball::STRANDS)?, seed)),
+        "furnace" => Ok(furnace::build(one(&furnace::ALBEDO)?)),
         "penumbra" => Ok(penumbra::build(one(&penumbra::LIGHT)?)),
         "spheres" => Ok(spheres::build(one(&spheres::BEADS)?, seed)),
         "strands" => Ok(strands::build(one(&strands::COUNT)?, seed)),
