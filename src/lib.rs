@@ -17,22 +17,24 @@
 //! | [`accel`] | the two-level BVH, laid out for the device. No Vulkan |
 //! | [`resident`] | a scene in device memory |
 //! | [`phase`] | one file a phase: its shader, what it binds, how many threads it has |
-//! | [`method`] | a method as an ordered list of phases, the memory it needs, the constants of a frame |
+//! | [`method`] | a method as an ordered list of phases, the memory it needs, the constants of a frame; what a frame models, and why |
+//! | [`sampler`] | where samples lie on lenses and lights |
 //! | [`shaders`] | what the build made of `glsl/`: SPIR-V with its interfaces, structs and constants shared with Rust |
 //! | [`oracle`] | the same phases on the CPU: the known answers for tests |
 //! | [`metric`] | error, sharpness and stability of image sequences. No Vulkan |
 //! | [`report`] | pictures, tables, JSON |
 //! | [`trade`] | the search for settings that are worth their time |
+//! | [`reproduce`], [`samples`] | the papers' tables and figures; where the samples of a frame lie |
 //! | [`progress`], [`error`] | how long work tells that it goes on; what went wrong and what to do about it |
 //!
 //! # The frame
 //!
-//! What the host says of a frame ([`FrameInputs`]: camera, placed instances, lights) goes through a mapped ring to the device,
+//! What the host says of a frame ([`FrameInputs`]: camera, placed instances, shapes, lights) goes through a mapped ring to the device,
 //! then
 //!
-//! `reproject → analyze → list (scan, gather) → verify → retain → shadow → shade → reconstruct → resolve → aov`
+//! `reproject → list (scan, gather) → verify → analyze → fill → shadow → shade → reconstruct → resolve → aov`
 //!
-//! with `temporal` in place of `resolve` where frames are integrated or averaged, and the counters come back. [`phase`] has
+//! with the paper's order (`reproject → analyze → list → verify → retain`) where `filter.fill` is `none`, `temporal` in place of `resolve` where frames are integrated or averaged, and the counters come back. [`phase`] has
 //! the table of what each reads and writes, [`gpu::pass`] the policy by which barriers follow from that; `renderer.plan()` is
 //! the frame as data. `supersample`, `taa` and `reference` have `generate` in place of the first three and keep no samples,
 //! `point-tracking` has `track` and keeps points that direct its rays. Two caches swap roles from frame to frame, and two frames may be in flight.

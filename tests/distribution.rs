@@ -134,6 +134,24 @@ fn a_penumbra_is_as_wide_and_as_dark_as_geometry_says() {
     }
 }
 
+/// Nothing of the built-in furnace shows, and of one that is not white everything does.
+#[test]
+fn the_built_in_furnace_is_white() {
+    let darkest = |name: &str| {
+        let settings = Settings { size: [80, 48], density: 2.0, ..Settings::default() };
+        let scene = builtin::load(name, 0).unwrap();
+        let view = scene.pose(0.0).cameras[0];
+        let pixels = mean_of(scene, &settings, view, 1);
+        let range = reds(&pixels).fold([f64::INFINITY, 0.0_f64], |[low, high], (_, x)| [low.min(x), high.max(x)]);
+        // Where no sample is near, a pixel is black: at 2 samples a pixel none is.
+        assert!(range[1] <= 1.001, "{name}: {range:?}");
+        range[0]
+    };
+    // A half, f32 arithmetic, and the fits of the lobe's albedo, whose errors the diffuse layer and multiple scattering cancel.
+    assert!(darkest("furnace") > 0.999);
+    assert!(darkest("furnace?albedo=80") < 0.9);
+}
+
 /// An unlit speck before black.
 fn speck(distance: f64, half: f64) -> Scene {
     let white = stillray::scene::Material { unlit: true, ..material(Vec4::ONE, 0.0, 1.0) };

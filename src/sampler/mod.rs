@@ -399,6 +399,46 @@ mod tests {
         }
     }
 
+    /// L2 star discrepancy in the unit square (Warnock 1972).
+    fn discrepancy(points: &[[u32; 2]]) -> f64 {
+        let n = points.len() as f64;
+        let points: Vec<[f64; 2]> = points.iter().map(|p| p.map(|x| f64::from(x) / 4_294_967_296.0)).collect();
+        let singles: f64 = points.iter().map(|[x, y]| (1.0 - x * x) * (1.0 - y * y)).sum();
+        let product = |a: &[f64; 2], b: &[f64; 2]| (1.0 - a[0].max(b[0])) * (1.0 - a[1].max(b[1]));
+        let pairs: f64 = points.iter().flat_map(|a| points.iter().map(move |b| product(a, b))).sum();
+        (1.0 / 9.0 - singles / (2.0 * n) + pairs / (n * n)).max(0.0).sqrt()
+    }
+
+    /// Independent points have a mean squared discrepancy of (1/4 - 1/9) / n. Strata lower it: those of a pixel, and for
+    /// strategies that cooperate those of sixteen pixels together; the one that does not is worse there than chance, or as bad.
+    #[test]
+    fn discrepancies_are_below_those_of_chance() {
+        let chance = |n: f64| ((0.25 - 1.0 / 9.0) / n).sqrt();
+        for strategy in Strategy::ALL {
+            let of = |count: u32, window: u32| -> f64 {
+                let seeds = 1..=8;
+                let squares = seeds.map(|seed| {
+                    let sampler = Sampler::new(strategy, Tiling::Regular, count, seed);
+                    let pixels = (0..window * window).map(|i| [8 + i % window, 16 + i / window]);
+                    let all: Vec<[u32; 2]> = pixels.flat_map(|p| points(&sampler, p, 3, count)).collect();
+                    discrepancy(&all).powi(2)
+                });
+                (squares.sum::<f64>() / 8.0).sqrt()
+            };
+            let [alone, together] = [of(16, 1) / chance(16.0), of(16, 4) / chance(256.0)];
+            let name = strategy.name();
+            match strategy {
+                // The mean of eight squares is within a factor of three of its expectation, almost always.
+                Strategy::Random => assert!((0.55..1.8).contains(&alone) && (0.55..1.8).contains(&together), "{name}"),
+                Strategy::HammersleyUncooperative => assert!(alone < 0.7, "{name} {alone}"),
+                _ => assert!(alone < 0.8 && together < 0.8, "{name} {alone} {together}"),
+            }
+            let cooperates =
+                matches!(strategy, Strategy::Sudoku | Strategy::SudokuLatin | Strategy::Hammersley | Strategy::Sobol);
+            assert!(!cooperates || together < 0.4, "{name} {together}");
+        }
+    }
+
     #[test]
     fn samples_stand_still_and_seeds_move_them() {
         for sampler in samplers() {

@@ -6,6 +6,7 @@
 mod bump;
 mod cornell;
 mod font;
+mod furnace;
 mod hairball;
 mod noise;
 mod penumbra;
@@ -36,6 +37,7 @@ pub const NAMES: &[(&str, &str)] = &[
         "skylight",
         "a yard under sky and sun (?turbidity=17..100, in tenths, &azimuth=0..359, &elevation=0..90, of the sun in degrees)",
     ),
+    ("furnace", "white balls in white light, of which nothing may show (?albedo=0..100, per cent)"),
     ("strands", "flat unlit strands 0.3 to 1 pixel wide whose exact coverage is known (?count=1..64)"),
 ];
 
@@ -59,6 +61,7 @@ pub fn load(name: &str, seed: u32) -> Result<Scene> {
     let one = |parameter| Ok::<_, Error>(parameters(scene, query, std::slice::from_ref(parameter))?[0]);
     match scene {
         "hairball" => Ok(hairball::build(one(&hairball::STRANDS)?, seed)),
+        "furnace" => Ok(furnace::build(one(&furnace::ALBEDO)?)),
         "penumbra" => Ok(penumbra::build(one(&penumbra::LIGHT)?)),
         "skylight" => skylight::build(&parameters(scene, query, &skylight::PARAMETERS)?),
         "spheres" => Ok(spheres::build(one(&spheres::BEADS)?, seed)),
