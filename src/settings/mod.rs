@@ -5,6 +5,7 @@
 
 pub mod file;
 pub mod knob;
+mod table;
 
 use crate::sampler::{Strategy, Tiling};
 use crate::{Error, Result};
