@@ -338,6 +338,9 @@ impl Renderer {
 
     /// Takes on the shapes of what deforms.
     fn deform(&mut self, inputs: &FrameInputs<'_>) -> Result<()> {
+        if self.deforming.is_none() {
+            return Ok(());
+        }
         let before = self.motion_origin(inputs, self.last.as_ref());
         let Some(deforming) = &mut self.deforming else { return Ok(()) };
         let before = before.as_ref().map_or(inputs.pose, |(_, pose)| pose);

@@ -4,7 +4,7 @@
 mod scene_support;
 
 use glam::{DQuat, DVec2, DVec3, Vec3, Vec4};
-use scene_support::{Build, Stage, ahead, direction, material, reds, trs};
+use scene_support::{Build, Stage, ahead, direction, material, mean_of, reds, trs};
 use std::f64::consts::FRAC_PI_2;
 use stillray::headless::Pixels;
 use stillray::oracle::shade::brdf::Reflector;
@@ -69,17 +69,6 @@ fn floor_at(size: [u32; 2], [x, y]: [u32; 2]) -> DVec3 {
     let view = below();
     let along = direction(&view, size, DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
     view.position + along * (view.position.y / -along.y)
-}
-
-/// Frames of a method, averaged.
-fn mean_of(scene: Scene, settings: &Settings, view: View, frames: u32) -> Pixels {
-    let mut stage = Stage::new(scene, settings);
-    let mut sum = stage.frame(view);
-    for _ in 1..frames {
-        sum.data.iter_mut().zip(stage.frame(view).data).for_each(|(sum, new)| *sum += new);
-    }
-    sum.data.iter_mut().for_each(|x| *x /= frames as f32);
-    sum
 }
 
 const STRIP: [u32; 2] = [64, 8];

@@ -8,7 +8,7 @@ mod scene_support;
 
 use glam::{DQuat, DVec2, DVec3, Vec3};
 use random::Random;
-use scene_support::{Build, Stage, ahead, direction, look, material, reds, trs};
+use scene_support::{Build, Stage, ahead, direction, look, material, mean_of, reds, trs};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use stillray::gpu::ContextOptions;
 use stillray::headless::{Device, LoadedScene, Pixels};
@@ -128,17 +128,6 @@ const SIZE: [u32; 2] = [16, 12];
 fn settings(method: Method) -> Settings {
     let base = Settings { size: SIZE, float_output: true, hold: Hold::Frame, ..Settings::of(method) };
     Settings { spp: 16, density: 16.0, jitter: true, ..base }
-}
-
-/// Means of frames of a method, all channels' red.
-fn mean_of(scene: Scene, settings: &Settings, view: View, frames: u32) -> Pixels {
-    let mut stage = Stage::new(scene, settings);
-    let mut sum = stage.frame(view);
-    for _ in 1..frames {
-        sum.data.iter_mut().zip(stage.frame(view).data).for_each(|(sum, new)| *sum += new);
-    }
-    sum.data.iter_mut().for_each(|x| *x /= frames as f32);
-    sum
 }
 
 /// Mean and variance of radiance over density for directions drawn evenly from the part of the sphere that a test says.

@@ -17,7 +17,7 @@ use stillray::shaders::{
     self, Counters, FRAME_QUARTERS, Frame, INSTANCE_MASK, MODEL_AGE, MODEL_SEED, MODEL_SOURCE, NEW_INSTANCE,
     OCCLUDED_BIT, Sample,
 };
-use support::kernel::{Kernel, blank, data, values};
+use support::kernel::{Bound, Kernel, blank, data, values};
 use support::masks::{random_density, random_masks};
 use support::random::{Random, SIZES};
 
@@ -119,6 +119,23 @@ impl Inputs {
         Self { frame, reprojected: Reprojected { claims, masks }, plan, tiles, previous, ages }
     }
 
+    /// What every variant binds, and the counts of the prefix sum.
+    fn bound(&self) -> (Vec<Bound<'static>>, Counters) {
+        let (tiles, counters) = scan(&self.frame, &self.tiles);
+        let bound = vec![
+            data(&[self.frame]),
+            data(&self.reprojected.claims),
+            data(&self.reprojected.masks),
+            data(&self.plan),
+            data(&tiles),
+            data(&[counters]),
+            data(&self.previous),
+            blank::<Sample>(counters.samples as usize),
+            blank::<u32>(self.plan.len() + 1),
+        ];
+        (bound, counters)
+    }
+
     fn twin(&self) -> Gathered {
         let (_, counters) = scan(&self.frame, &self.tiles);
         gather(&self.frame, counters.thin, &self.reprojected, &self.plan, &self.previous, &self.ages)
@@ -155,18 +172,7 @@ impl Kernels {
     }
 
     fn run(&self, inputs: &Inputs, with: With) -> Gathered {
-        let (tiles, counters) = scan(&inputs.frame, &inputs.tiles);
-        let mut bound = vec![
-            data(&[inputs.frame]),
-            data(&inputs.reprojected.claims),
-            data(&inputs.reprojected.masks),
-            data(&inputs.plan),
-            data(&tiles),
-            data(&[counters]),
-            data(&inputs.previous),
-            blank::<Sample>(counters.samples as usize),
-            blank::<u32>(inputs.plan.len() + 1),
-        ];
+        let (mut bound, counters) = inputs.bound();
         if with.ages {
             bound.push(data(&inputs.ages));
             bound.push(blank::<u32>(counters.samples as usize));
@@ -230,22 +236,11 @@ fn kept_samples_keep_their_seeds_and_new_ones_get_their_pixels() {
     let mut caught = 0;
     for (seed, size) in SIZES.into_iter().cycle().take(16).enumerate() {
         let inputs = Inputs::random(seed as u32, size, [1.0, 0.6, 2.0][seed % 3]);
-        let (tiles, counters) = scan(&inputs.frame, &inputs.tiles);
+        let (mut bound, counters) = inputs.bound();
         let list = inputs.twin();
         let masks = &inputs.reprojected.masks;
-        let mut bound = vec![
-            data(&[inputs.frame]),
-            data(&inputs.reprojected.claims),
-            data(masks),
-            data(&inputs.plan),
-            data(&tiles),
-            data(&[counters]),
-            data(&inputs.previous),
-            blank::<Sample>(counters.samples as usize),
-            blank::<u32>(inputs.plan.len() + 1),
-            data(&inputs.ages),
-            blank::<u32>(counters.samples as usize),
-        ];
+        // Any words do for the seeds of the last frame.
+        bound.extend([data(&inputs.ages), blank::<u32>(counters.samples as usize)]);
         kernel.run(&mut bound, &[], [size[0], size[1], 1]);
         let kept = inputs.plan.iter().zip(masks).map(|(plan, mask)| (plan & 0xffff & mask >> 16).count_ones());
         let visible: Vec<u32> = kept.collect();

@@ -94,16 +94,28 @@ fn lens(lens: &Lens) -> [f32; 4] {
 ///
 /// # Errors
 /// [`Error::Setting`] if it is not finite, has no rotation, or its field of view is not between 0 and π or so close to
-/// either that the tangents of a frame or the angle of a pixel have no normal `f32`.
+/// either that the tangents of a frame or the angle of a pixel have no normal `f32`; and for a lens that is none.
 pub fn check_view(view: &View, [width, height]: [u32; 2]) -> Result<()> {
     let turned = view.rotation.length_squared().is_normal();
     let opened = view.yfov > 0.0 && view.yfov < std::f64::consts::PI;
     let axes = axes(view, f64::from(width) / f64::from(height), height);
+    check_lens(&view.lens)?;
     if view.position.is_finite() && turned && opened && axes.iter().all(|a| a[3].is_normal()) {
         return Ok(());
     }
     let expected = "a finite position, a unit quaternion and a field of view between 0 and π".to_owned();
     Err(Error::Setting { name: "view", value: format!("{view:?}"), expected })
+}
+
+/// Whether a lens is one, also in `f32`.
+fn check_lens(lens: &Lens) -> Result<()> {
+    let [radius, focus, ..] = self::lens(lens);
+    let blades = lens.blades == 0 || (3..=16).contains(&lens.blades);
+    if lens.aperture >= 0.0 && lens.focus > 0.0 && radius.is_finite() && focus.is_finite() && blades {
+        return Ok(());
+    }
+    let expected = "an aperture of 0 or more and a focus above 0, in metres, and 0 or 3 to 16 blades".to_owned();
+    Err(Error::Setting { name: "view.lens", value: format!("{lens:?}"), expected })
 }
 
 /// Camera axes in world space, with the tangents of half the field of view and the angle of a pixel.
@@ -185,6 +197,28 @@ mod tests {
         assert!(check(View { rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0), ..view() }), "is normalised");
         for bad in [0.0, f64::NAN, 1e200, 1e-200, f64::INFINITY] {
             assert!(!check(View { rotation: DQuat::from_xyzw(0.0, 0.0, bad, 0.0), ..view() }), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_lens_that_is_none_is_refused() {
+        let check = |aperture, focus, blades| {
+            check_view(&View { lens: Lens { aperture, focus, blades }, ..view() }, [640, 480]).is_ok()
+        };
+        assert!(check(0.0, f64::INFINITY, 0) && check(0.1, 4.0, 3) && check(1e3, 1e-6, 16));
+        for (aperture, focus, blades) in [
+            (-0.1, 4.0, 0),
+            (f64::NAN, 4.0, 0),
+            (f64::INFINITY, 4.0, 0),
+            (1e40, 4.0, 0),
+            (0.1, 0.0, 0),
+            (0.1, -1.0, 0),
+            (0.1, f64::NAN, 0),
+            (0.1, 1e-40, 0),
+            (0.1, 4.0, 2),
+            (0.1, 4.0, 17),
+        ] {
+            assert!(!check(aperture, focus, blades), "{aperture} {focus} {blades}");
         }
     }
 

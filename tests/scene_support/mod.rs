@@ -149,3 +149,14 @@ pub fn reds(pixels: &Pixels) -> impl Iterator<Item = ([u32; 2], f64)> + '_ {
     let place = |i: usize| [i as u32 % pixels.width, i as u32 / pixels.width];
     pixels.data.chunks(pixels.channels).enumerate().map(move |(i, p)| (place(i), f64::from(p[0])))
 }
+
+/// Frames of a method, averaged.
+pub fn mean_of(scene: Scene, settings: &Settings, view: View, frames: u32) -> Pixels {
+    let mut stage = Stage::new(scene, settings);
+    let mut sum = stage.frame(view);
+    for _ in 1..frames {
+        sum.data.iter_mut().zip(stage.frame(view).data).for_each(|(sum, new)| *sum += new);
+    }
+    sum.data.iter_mut().for_each(|x| *x /= frames as f32);
+    sum
+}

@@ -53,17 +53,7 @@ impl Stage {
 
     /// `intensity` in candela.
     pub(super) fn point_light(&mut self, position: DVec3, color: Vec3, intensity: f32) {
-        let node = self.node("lamp", None, at(position));
-        let kind = LightKind::Point;
-        self.scene.lights.push(Light {
-            name: "lamp".to_owned(),
-            node,
-            kind,
-            color,
-            intensity,
-            range: None,
-            shape: LightShape::Sharp,
-        });
+        self.light("lamp", at(position), (LightKind::Point, LightShape::Sharp), color, intensity);
     }
 
     /// A luminaire that shines `toward`; `intensity` in candela along it. Without an extent it shines to all sides.
@@ -75,27 +65,27 @@ impl Stage {
         intensity: f32,
         shape: LightShape,
     ) {
-        let rotation = look_along(toward);
-        let node = self.node("lamp", None, LocalTransform::Trs { translation: position, rotation, scale: DVec3::ONE });
-        let kind = LightKind::Point;
-        self.scene.lights.push(Light { name: "lamp".to_owned(), node, kind, color, intensity, range: None, shape });
+        let local = LocalTransform::Trs { translation: position, rotation: look_along(toward), scale: DVec3::ONE };
+        self.light("lamp", local, (LightKind::Point, shape), color, intensity);
     }
 
     /// `toward` is where the light travels; `intensity` in lux.
     pub(super) fn sun(&mut self, toward: DVec3, color: Vec3, intensity: f32) {
         let rotation = look_along(toward);
         let local = LocalTransform::Trs { translation: DVec3::ZERO, rotation, scale: DVec3::ONE };
-        let node = self.node("sun", None, local);
-        let kind = LightKind::Directional;
-        self.scene.lights.push(Light {
-            name: "sun".to_owned(),
-            node,
-            kind,
-            color,
-            intensity,
-            range: None,
-            shape: LightShape::Sharp,
-        });
+        self.light("sun", local, (LightKind::Directional, LightShape::Sharp), color, intensity);
+    }
+
+    fn light(
+        &mut self,
+        name: &str,
+        local: LocalTransform,
+        (kind, shape): (LightKind, LightShape),
+        color: Vec3,
+        intensity: f32,
+    ) {
+        let node = self.node(name, None, local);
+        self.scene.lights.push(Light { name: name.to_owned(), node, kind, color, intensity, range: None, shape });
     }
 
     /// The camera `main`; `yfov` in radians.
