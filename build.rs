@@ -9,6 +9,9 @@
 //! compiled as `<shader>_<NAME>` with these macros defined. A line `// models: LENS AREA` names what a scene may need of it:
 //! every set of these is compiled, with the macros of the set defined, and a frame uses the one that its model
 //! (`MODEL_LENS`, `MODEL_AREA` in types.glsl) asks for. What only some of them bind is optional in `Bindings`.
+//!
+//! Not every set, for sets double with each name: where types.glsl says `// MODEL_A brings B C`, A is modelled with B and C only;
+//! and what a variant defines anyway is not a choice.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -43,6 +46,8 @@ fn generate(root: &Path, out: &Path) -> Result<String> {
     let types = read(&types_path)?;
     let structs = shared_structs(&compiler, &types)?;
     emit_constants(&mut code, &types)?;
+    let brings = brings(&types)?;
+    emit_brings(&mut code, &brings);
     for (name, ty) in &structs {
         emit_struct(&mut code, name, ty, &structs, "")?;
     }
@@ -52,7 +57,7 @@ fn generate(root: &Path, out: &Path) -> Result<String> {
         let stem = path.file_stem().and_then(|s| s.to_str()).ok_or("shader names are Unicode")?.to_owned();
         for (suffix, defines) in variants(&source) {
             let name = if suffix.is_empty() { stem.clone() } else { format!("{stem}_{suffix}") };
-            let family = Family::compile(&compiler, &source, &path, &name, &defines)?;
+            let family = Family::compile(&compiler, &source, &path, &name, &defines, &brings)?;
             family.emit(&mut code, out, &structs).map_err(|e| format!("{}: {e}", path.display()))?;
             names.extend((0..family.members.len()).map(|set| format!("&{name}::MEMBERS[{set}]")));
         }
@@ -89,6 +94,33 @@ fn variants(source: &str) -> Vec<(String, Vec<String>)> {
 fn models(source: &str) -> Vec<String> {
     let lines = source.lines().filter_map(|line| line.strip_prefix("// models:"));
     lines.flat_map(str::split_whitespace).map(str::to_owned).collect()
+}
+
+/// What comes with what: the names of the lines `// MODEL_A brings B C`.
+type Brings = BTreeMap<String, Vec<String>>;
+
+fn brings(types: &str) -> Result<Brings> {
+    let mut found = Brings::new();
+    for line in types.lines().filter_map(|line| line.strip_prefix("// MODEL_")) {
+        let Some((name, others)) = line.split_once(" brings ") else { continue };
+        let others: Vec<String> = others.split_whitespace().map(str::to_owned).collect();
+        let known = |name: &str| types.contains(&format!("const uint MODEL_{name} = "));
+        if let Some(unknown) = others.iter().map(String::as_str).chain([name]).find(|name| !known(name)) {
+            return Err(format!("types.glsl: 'MODEL_{name} brings ...': there is no MODEL_{unknown}"));
+        }
+        found.insert(name.to_owned(), others);
+    }
+    Ok(found)
+}
+
+fn emit_brings(code: &mut String, brings: &Brings) {
+    let row = |(name, others): (&String, &Vec<String>)| {
+        let others: Vec<String> = others.iter().map(|other| format!("MODEL_{other}")).collect();
+        format!("(MODEL_{name}, {})", others.join(" | "))
+    };
+    let rows: Vec<String> = brings.iter().map(row).collect();
+    writeln!(code, "/// `MODEL_` bits that are modelled with others only: those come with them.").ok();
+    writeln!(code, "pub static MODEL_BRINGS: [(u32, u32); {}] = [{}];\n", rows.len(), rows.join(", ")).ok();
 }
 
 // --- Compiling ---
@@ -289,16 +321,18 @@ fn emit_struct(
 
 // --- Shader modules ---
 
-/// A shader, compiled for every set of what a scene may need of it.
+/// A shader, compiled for the sets of what a scene may need of it.
 struct Family {
     name: String,
     models: Vec<String>,
-    /// By the set: bit i is the i-th of `models`.
+    /// In the order of their sets.
     members: Vec<Member>,
 }
 
 struct Member {
     name: String,
+    /// Bit i: the i-th of the family's models.
+    set: usize,
     module: Module,
 }
 
@@ -306,15 +340,28 @@ struct Member {
 type Interface = BTreeMap<u32, (String, &'static str, &'static str)>;
 
 impl Family {
-    fn compile(compiler: &Compiler, source: &str, path: &Path, name: &str, defines: &[String]) -> Result<Self> {
-        let models = models(source);
+    fn compile(
+        compiler: &Compiler,
+        source: &str,
+        path: &Path,
+        name: &str,
+        defines: &[String],
+        brings: &Brings,
+    ) -> Result<Self> {
+        let models: Vec<String> = models(source).into_iter().filter(|model| !defines.contains(model)).collect();
+        let has = |set: usize, model: &str| models.iter().position(|m| m == model).is_none_or(|i| set >> i & 1 != 0);
+        // Whether what comes with each of a set is in it too.
+        let is_whole = |set: &usize| {
+            let chosen = models.iter().enumerate().filter(|(i, _)| set >> i & 1 != 0).map(|(_, model)| model);
+            chosen.filter_map(|model| brings.get(model)).flatten().all(|other| has(*set, other))
+        };
         let member = |set: usize| {
             let chosen = models.iter().enumerate().filter(|(i, _)| set >> i & 1 != 0).map(|(_, model)| model);
             let all: Vec<String> = defines.iter().chain(chosen.clone()).cloned().collect();
             let name = chosen.fold(name.to_owned(), |name, model| format!("{name}_{}", model.to_lowercase()));
-            Ok(Member { name, module: compiler.compile(source, path, &all)? })
+            Ok(Member { name, set, module: compiler.compile(source, path, &all)? })
         };
-        let members = (0..1 << models.len()).map(member).collect::<Result<_>>()?;
+        let members = (0..1 << models.len()).filter(is_whole).map(member).collect::<Result<_>>()?;
         Ok(Self { name: name.to_owned(), models, members })
     }
 
@@ -325,7 +372,7 @@ impl Family {
         writeln!(code, "/// Shader `{}`.\npub mod {} {{\n    use super::*;\n", self.name, self.name).ok();
         writeln!(
             code,
-            "    /// The shader for each set of models.\n    pub static MEMBERS: [Shader; {}] = [",
+            "    /// The shader for each set of models that there is.\n    pub static MEMBERS: [Shader; {}] = [",
             interfaces.len()
         )
         .ok();
@@ -348,9 +395,12 @@ impl Family {
         let bits: Vec<String> = self.models.iter().map(|m| format!("MODEL_{m}")).collect();
         writeln!(code, "    /// The `MODEL_` bits that make a difference to it.").ok();
         writeln!(code, "    pub static MODELS: [u32; {}] = [{}];\n", bits.len(), bits.join(", ")).ok();
-        writeln!(code, "    /// The one that models no more than the `MODEL_` bits that are set.").ok();
+        let sets: Vec<String> = self.members.iter().map(|m| m.set.to_string()).collect();
+        writeln!(code, "    static SETS: [usize; {}] = [{}];\n", sets.len(), sets.join(", ")).ok();
+        writeln!(code, "    /// The one that models no more than the `MODEL_` bits that are set, and what they bring.")
+            .ok();
         writeln!(code, "    pub fn modelling(model: u32) -> &'static Shader {{").ok();
-        writeln!(code, "        &MEMBERS[set_of(model, &MODELS)]\n    }}\n").ok();
+        writeln!(code, "        &MEMBERS[member_of(model, &MODELS, &SETS)]\n    }}\n").ok();
     }
 }
 

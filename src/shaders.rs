@@ -27,9 +27,17 @@ impl Shader {
 #[repr(C, align(4))]
 struct Aligned<B>(B);
 
-/// Which of some models are asked for: bit i is the i-th.
-fn set_of(model: u32, models: &[u32]) -> usize {
-    models.iter().enumerate().fold(0, |set, (i, bit)| set | usize::from(model & bit != 0) << i)
+/// Position among `sets` of what is asked for of some models, with what that brings; bit i of a set is the i-th model.
+fn member_of(model: u32, models: &[u32], sets: &[usize]) -> usize {
+    let model = with_brought(model);
+    let set = models.iter().enumerate().fold(0, |set, (i, bit)| set | usize::from(model & bit != 0) << i);
+    sets.iter().position(|s| *s == set).unwrap_or(0)
+}
+
+/// `MODEL_` bits with those that they are never modelled without.
+pub fn with_brought(model: u32) -> u32 {
+    let more = MODEL_BRINGS.iter().filter(|(bit, _)| model & bit != 0).fold(model, |model, (_, others)| model | others);
+    if more == model { model } else { with_brought(more) }
 }
 
 /// One descriptor of a shader.

@@ -42,7 +42,7 @@ impl Model {
         let deform = feature(Feature::SkinnedMeshes).or_else(|| feature(Feature::MorphedMeshes)).or_else(all);
         let seed = lens.clone().or_else(|| area.clone()).or_else(|| environment.clone());
         let part = |bit, name, price, cause| Part { bit, name, price, cause };
-        let parts = vec![
+        let mut parts = vec![
             part(shaders::MODEL_ALPHA, "holes in surfaces", "a look at the material at every hit", alpha),
             part(shaders::MODEL_LENS, "an aperture", "a lens point a sample, in every phase that projects it", lens),
             part(shaders::MODEL_AREA, "lights with an extent", "a point on the light a sample", area),
@@ -62,6 +62,7 @@ impl Model {
             part(shaders::MODEL_AGE, "ages of samples", "4 bytes a cached sample", aov(Aov::Age)),
             part(shaders::MODEL_SOURCE, "what samples were", "8 bytes a cached sample", aov(Aov::Changes)),
         ];
+        bring(&mut parts);
         Self { parts }
     }
 
@@ -73,5 +74,14 @@ impl Model {
     /// Whether a part is modelled.
     pub fn has(&self, bit: u32) -> bool {
         self.bits() & bit != 0
+    }
+}
+
+/// Gives what comes with another part that part as its cause.
+fn bring(parts: &mut [Part]) {
+    let causes: Vec<(u32, &str)> = parts.iter().filter(|p| p.cause.is_some()).map(|p| (p.bit, p.name)).collect();
+    for part in parts.iter_mut().filter(|p| p.cause.is_none()) {
+        let bringer = causes.iter().find(|(bit, _)| shaders::with_brought(*bit) & part.bit != 0);
+        part.cause = bringer.map(|(_, name)| format!("it comes with {name}"));
     }
 }
