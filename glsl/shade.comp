@@ -67,9 +67,9 @@ vec3 surface_radiance(Found f, uint slot, uint lit_bits) {
     Surface s = surface_at(material, inst, vertices.data[corner.vertex0], vertices.data[corner.vertex1],
         vertices.data[corner.vertex2], f.u, f.v, point.normal, view);
     if (s.unlit) {
-        return s.base_color;
+        return s.reflector.base_color;
     }
-    vec3 ambient = reflect_uniform(s.base_color, s.metallic, s.roughness, s.normal, view);
+    vec3 ambient = both(reflect_uniform(s.reflector, s.normal, view));
     vec3 radiance = s.emissive + ambient * frame.data.environment.rgb * s.occlusion;
     float weight = light_weight(frame.data.light_count, frame.data.shadow_rays);
 #ifdef AREA
@@ -82,14 +82,14 @@ vec3 surface_radiance(Found f, uint slot, uint lit_bits) {
 #else
             Incident incident = light_at(lights.data[i], point.position);
 #endif
-            vec3 part = reflect_light(s.base_color, s.metallic, s.roughness, s.normal, view, incident.direction);
+            vec3 part = both(reflect_light(s.reflector, s.normal, view, incident.direction));
             radiance += part * (incident.irradiance * weight);
         }
     }
 #ifdef ENVIRONMENT
     if (has_environment_map() && (lit_bits >> ENVIRONMENT_LIGHT & 1u) != 0u) {
         FromAfar sky = environment_sample(seed_bits(seeds.data[slot], PAIR_ENVIRONMENT));
-        vec3 part = reflect_light(s.base_color, s.metallic, s.roughness, s.normal, view, sky.direction);
+        vec3 part = both(reflect_light(s.reflector, s.normal, view, sky.direction));
         radiance += part * min(sky.irradiance, vec3(IRRADIANCE_MAX));
     }
 #endif

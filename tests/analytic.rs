@@ -138,6 +138,7 @@ fn closed_form(scene: &Scene, view: &View, point: DVec3) -> f64 {
         base_color: m.base_color.truncate().as_dvec3(),
         metallic: m.metallic.into(),
         roughness: m.roughness.into(),
+        ..Reflector::default()
     };
     let pose = scene.pose(0.0);
     let light: shaders::Light = constants::light(&scene.lights[0], &pose.lights[0], DVec3::ZERO);

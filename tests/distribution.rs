@@ -42,7 +42,7 @@ fn below() -> View {
 fn penumbra(point: DVec3, [width, depth]: [f64; 2], round: bool) -> f64 {
     const SIDE: u32 = 256;
     let white = Vec3::splat(FLOOR).as_dvec3();
-    let reflector = Reflector { base_color: white, metallic: 0.0, roughness: 1.0 };
+    let reflector = Reflector { base_color: white, metallic: 0.0, roughness: 1.0, ..Reflector::default() };
     let view = (below().position - point).normalize();
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(SIDE) * 2.0 - 1.0;
     let (mut sum, mut points) = (0.0, 0.0);

@@ -173,7 +173,7 @@ fn mean_red(pixels: &Pixels) -> f64 {
 fn under_a_white_map_surfaces_reflect_what_their_lobe_does() {
     for (metallic, roughness) in [(0.0, 1.0), (0.0, 0.5), (1.0, 1.0), (1.0, 0.6)] {
         for tilt in [0.0, 0.9] {
-            let reflector = Reflector { base_color: DVec3::ONE, metallic, roughness };
+            let reflector = Reflector { base_color: DVec3::ONE, metallic, roughness, ..Reflector::default() };
             let view = down(tilt).position.normalize();
             let [expected, variance] = reflected(&reflector, view, |_| true);
             let frames = 24;
@@ -198,7 +198,8 @@ fn under_a_white_map_surfaces_reflect_what_their_lobe_does() {
 /// Half the sky is white, in a quarter of which a wall stands.
 #[test]
 fn half_a_sky_lights_as_geometry_says() {
-    let reflector = Reflector { base_color: DVec3::splat(f64::from(FLOOR)), metallic: 0.0, roughness: 1.0 };
+    let reflector =
+        Reflector { base_color: DVec3::splat(f64::from(FLOOR)), metallic: 0.0, roughness: 1.0, ..Reflector::default() };
     // Columns from the middle of the map to its right edge are what is at positive x.
     let east = || EnvironmentMap { scale: 2.0, ..map_of(64, 32, |x, _| if x >= 32 { 0.5 } else { 0.0 }) };
     let tilt = 0.3;

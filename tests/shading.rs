@@ -12,11 +12,11 @@ use stillray::shaders::{INSTANCE_FLIPPED, Instance, Vertex};
 const WHITE: DVec3 = DVec3::ONE;
 
 fn metal(roughness: f64) -> Reflector {
-    Reflector { base_color: WHITE, metallic: 1.0, roughness }
+    Reflector { base_color: WHITE, metallic: 1.0, roughness, ..Reflector::default() }
 }
 
 fn plastic(roughness: f64) -> Reflector {
-    Reflector { base_color: WHITE, metallic: 0.0, roughness }
+    Reflector { base_color: WHITE, metallic: 0.0, roughness, ..Reflector::default() }
 }
 
 fn at_cosine(c: f64) -> DVec3 {
@@ -112,7 +112,7 @@ fn a_white_surface_in_a_furnace_is_invisible() {
     for c in [-1.0, -0.1, 0.0, 1e-6, 0.01, 0.3, 0.7, 1.0] {
         for r in [0.0, 0.03, 0.3, 0.77, 1.0] {
             for m in [0.0, 0.25, 1.0] {
-                let white = Reflector { base_color: WHITE, metallic: m, roughness: r };
+                let white = Reflector { base_color: WHITE, metallic: m, roughness: r, ..Reflector::default() };
                 let e = white.reflect_uniform(DVec3::Z, at_cosine(c));
                 // A few roundings of numbers up to 1, whatever the fits are worth. Mixtures of metal and plastic are white
                 // as well: the diffuse layer gets what is left, less what a metal absorbs.
@@ -121,13 +121,14 @@ fn a_white_surface_in_a_furnace_is_invisible() {
             }
         }
     }
-    let grey = Reflector { base_color: WHITE * 0.5, metallic: 0.0, roughness: 0.5 };
+    let grey = Reflector { base_color: WHITE * 0.5, metallic: 0.0, roughness: 0.5, ..Reflector::default() };
     assert!(grey.reflect_uniform(DVec3::Z, DVec3::Z).x < 0.6, "grey is seen");
 }
 
 #[test]
 fn light_and_view_can_be_exchanged() {
-    let colored = Reflector { base_color: DVec3::new(0.9, 0.4, 0.1), metallic: 0.3, roughness: 0.4 };
+    let colored =
+        Reflector { base_color: DVec3::new(0.9, 0.4, 0.1), metallic: 0.3, roughness: 0.4, ..Reflector::default() };
     let mut asymmetry = 0.0_f64;
     for (u, v) in grid(40) {
         let a = DVec3::new(0.9 * u.sqrt() * (TAU * v).cos(), 0.9 * u.sqrt() * (TAU * v).sin(), 0.0);
@@ -158,7 +159,7 @@ fn no_direction_and_no_material_gives_what_is_not_a_number() {
     for roughness in [0.0, 1e-30, 0.5, 1.0] {
         for metallic in [0.0, 1.0] {
             for base_color in [DVec3::ZERO, DVec3::ONE] {
-                let reflector = Reflector { base_color, metallic, roughness };
+                let reflector = Reflector { base_color, metallic, roughness, ..Reflector::default() };
                 for (v, l) in directions.iter().flat_map(|v| directions.iter().map(move |l| (*v, *l))) {
                     let f = reflector.reflect_light(DVec3::Z, v, l);
                     assert!(f.is_finite() && f.min_element() >= 0.0, "{reflector:?} {v} {l}: {f}");

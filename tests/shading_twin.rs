@@ -430,8 +430,10 @@ fn the_brdf_agrees_with_its_twin() {
                 metallic: [0.0, 1.0, s.range(0.0, 1.0)][i % 3],
                 normal: normal.to_array(),
                 roughness: [0.0, s.range(0.0, 1.0), s.range(0.0, 0.3)][i / 3 % 3],
-                view: view.extend(0.0).to_array(),
-                light: if i % 2 == 0 { near } else { s.direction() }.extend(0.0).to_array(),
+                view: view.extend([0.04, s.range(0.0, 1.0)][i / 9 % 2]).to_array(),
+                light: if i % 2 == 0 { near } else { s.direction() }
+                    .extend([1.0, s.range(0.0, 1.0)][i / 9 % 2])
+                    .to_array(),
             }
         })
         .collect();
@@ -451,7 +453,9 @@ fn the_brdf_agrees_with_its_twin() {
 fn brdf_excess(q: &BrdfQuestion, a: &BrdfAnswer) -> f64 {
     let base_color = Vec3::from(q.base_color).as_dvec3();
     let [metallic, roughness] = [q.metallic, q.roughness].map(f64::from);
-    let reflector = Reflector { base_color, metallic, roughness };
+    // With the reflectance and the opacity of what is not metal in the fourth components.
+    let [dielectric, opaque] = [q.view[3], q.light[3]].map(f64::from);
+    let reflector = Reflector { base_color, metallic, roughness, dielectric, opaque };
     let (normal, view, light) = (Vec3::from(q.normal).as_dvec3(), double(q.view), double(q.light));
     let want = reflector.reflect_light(normal, view, light);
     let nl = normal.dot(light);

@@ -14,13 +14,28 @@ const float COSINE_MIN = 0.000244140625;  // 2^-12
 const float HALF_VECTOR_MIN = 9.094947e-13;  // 2^-40
 const float PI = 3.14159265358979;
 
-// Reflectance at normal incidence, of dielectrics with an index of refraction of 1.5 and of metals.
-vec3 specular_color(vec3 base_color, float metallic) {
-    return vec3(0.04) * (1.0 - metallic) + base_color * metallic;
+// What of a surface the BRDF depends on.
+struct Reflector {
+    vec3 base_color;   // 0..1
+    float metallic;    // 0..1
+    float roughness;   // 0..1, perceptual
+    float dielectric;  // 0..1: reflectance at normal incidence of what is not metal
+    float opaque;      // 0..1: part of what enters it, where it is not metal, that does not pass through
+};
+
+// What goes where: scattered below the surface, and by the lobe.
+struct Reflected {
+    vec3 diffuse;
+    vec3 specular;
+};
+
+// Reflectance at normal incidence.
+vec3 specular_color(Reflector r) {
+    return vec3(r.dielectric) * (1.0 - r.metallic) + r.base_color * r.metallic;
 }
 
-vec3 diffuse_color(vec3 base_color, float metallic) {
-    return base_color * (1.0 - metallic);
+vec3 diffuse_color(Reflector r) {
+    return r.base_color * (1.0 - r.metallic) * r.opaque;
 }
 
 float alpha_of(float roughness) {
@@ -73,22 +88,22 @@ vec3 layer_weight(vec3 f0, float nl, float nv, float roughness) {
 
 // Reflected radiance over irradiance on a perpendicular surface: BRDF times cosine. `normal`, `view` (to the viewer) and
 // `light` (to the light) are unit vectors. Finite and not negative for all of them, 0 if the light is behind.
-vec3 reflect_light(vec3 base_color, float metallic, float roughness, vec3 normal, vec3 view, vec3 light) {
+Reflected reflect_light(Reflector r, vec3 normal, vec3 view, vec3 light) {
     float nl = min(dot(normal, light), 1.0);
     if (!(nl > 0.0)) {
-        return vec3(0.0);
+        return Reflected(vec3(0.0), vec3(0.0));
     }
     float nv = clamp(dot(normal, view), COSINE_MIN, 1.0);
-    vec3 f0 = specular_color(base_color, metallic);
-    vec3 diffuse = diffuse_color(base_color, metallic) * layer_weight(f0, nl, nv, roughness) * (nl / PI);
+    vec3 f0 = specular_color(r);
+    vec3 diffuse = diffuse_color(r) * layer_weight(f0, nl, nv, r.roughness) * (nl / PI);
     vec3 sum = light + view;
     float sum2 = dot(sum, sum);
     if (sum2 < HALF_VECTOR_MIN) {
-        return diffuse;  // grazing from opposite sides: there is no half vector
+        return Reflected(diffuse, vec3(0.0));  // grazing from opposite sides: there is no half vector
     }
     // D = alpha^2 / (pi (alpha^2 cos^2 + sin^2)^2) of the angle between normal and half vector: the usual form with
     // cos^2 (alpha^2 - 1) + 1 cancels where the lobe is high.
-    float a2 = alpha_of(roughness);
+    float a2 = alpha_of(r.roughness);
     a2 *= a2;
     float nh = dot(normal, sum);
     vec3 away = cross(normal, sum);
@@ -99,22 +114,26 @@ vec3 reflect_light(vec3 base_color, float metallic, float roughness, vec3 normal
     // view . half vector is half the sum's length.
     float schlick = fifth_power(max(1.0 - 0.5 * sqrt(sum2), 0.0));
     vec3 fresnel = f0 + (1.0 - f0) * schlick;
-    return diffuse + fresnel * (d * visibility * nl);
+    return Reflected(diffuse, fresnel * (d * visibility * nl));
 }
 
 // The part of a uniform radiance that the surface reflects to the viewer. What the lobe loses to single scattering is put
 // back as by Fdez-Aguera 2019 ("A Multiple-Scattering Microfacet Model for Real-Time Image-based Lighting"), and the
 // diffuse layer gets what the specular one lets through: a white surface, dielectric or metal, reflects all.
-vec3 reflect_uniform(vec3 base_color, float metallic, float roughness, vec3 normal, vec3 view) {
-    vec2 albedo = lobe_albedo(dot(normal, view), roughness);
-    vec3 f0 = specular_color(base_color, metallic);
+Reflected reflect_uniform(Reflector r, vec3 normal, vec3 view) {
+    vec2 albedo = lobe_albedo(dot(normal, view), r.roughness);
+    vec3 f0 = specular_color(r);
     vec3 single = f0 * (albedo.x - albedo.y) + albedo.y;
     vec3 average = f0 + (1.0 - f0) * (1.0 / 21.0);
     float lost = 1.0 - albedo.x;
     // single <= 1 - lost (1 - average) - ...: the sum of the series is at most 1; the guard is for rounding. The
     // denominator is at least the albedo, which is not below 0.25.
     vec3 specular = min(single + single * average * lost / (1.0 - average * lost), 1.0);
-    return specular + diffuse_color(base_color, metallic) * (1.0 - specular);
+    return Reflected(diffuse_color(r) * (1.0 - specular), specular);
+}
+
+vec3 both(Reflected part) {
+    return part.specular + part.diffuse;
 }
 
 #endif

@@ -5,17 +5,16 @@
 #ifndef STILLRAY_MATERIAL
 #define STILLRAY_MATERIAL
 
+#include "brdf.glsl"
 #include "pack.glsl"
 #include "texture.glsl"
 #include "types.glsl"
 
 // A shading point.
 struct Surface {
-    vec3 base_color;   // 0..1
+    Reflector reflector;
     float alpha;       // 0..1; 1 for opaque materials
     vec3 emissive;     // radiance
-    float metallic;    // 0..1
-    float roughness;   // 0..1
     float occlusion;   // 0..1: the part of the uniform light that arrives
     bool unlit;        // the base colour is the radiance
     vec3 normal;       // shading normal, unit, world axes, on the viewer's side of the surface
@@ -94,18 +93,20 @@ Surface surface_at(Material material, Instance instance, Vertex a, Vertex b, Ver
     float w = 1.0 - u - v;
     Surface s;
     vec4 base = base_color_at(material, at);
-    s.base_color = base.rgb;
+    s.reflector.base_color = base.rgb;
     s.alpha = (material.flags & (MATERIAL_MASK | MATERIAL_BLEND)) != 0u ? base.a : 1.0;
     s.unlit = (material.flags & MATERIAL_UNLIT) != 0u;
-    s.metallic = material.metallic;
-    s.roughness = material.roughness;
+    s.reflector.metallic = material.metallic;
+    s.reflector.roughness = material.roughness;
+    s.reflector.dielectric = material.dielectric;
+    s.reflector.opaque = 1.0;
     if (has_texture(material.metallic_roughness_texture)) {
         vec4 mr = sample_texture(material.metallic_roughness_texture, at.uv0, at.uv1, false);
-        s.roughness *= mr.g;
-        s.metallic *= mr.b;
+        s.reflector.roughness *= mr.g;
+        s.reflector.metallic *= mr.b;
     }
-    s.metallic = clamp(s.metallic, 0.0, 1.0);
-    s.roughness = clamp(s.roughness, 0.0, 1.0);
+    s.reflector.metallic = clamp(s.reflector.metallic, 0.0, 1.0);
+    s.reflector.roughness = clamp(s.reflector.roughness, 0.0, 1.0);
     s.emissive = material.emissive;
     if (has_texture(material.emissive_texture)) {
         s.emissive *= sample_texture(material.emissive_texture, at.uv0, at.uv1, true).rgb;

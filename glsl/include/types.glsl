@@ -121,9 +121,9 @@ struct Material {
     float occlusion_strength;
     float alpha_cutoff;
     uint flags;  // MATERIAL_* below
+    float dielectric;  // 0..1: reflectance at normal incidence where it is not metal
     uint padding0;
     uint padding1;
-    uint padding2;
     TextureSlot base_color_texture;
     TextureSlot metallic_roughness_texture;
     TextureSlot normal_texture;

@@ -159,6 +159,7 @@ fn material_record(material: &Material, scene: &Scene, atlas: &Atlas) -> shaders
         flags: alpha_flags
             | flag(material.double_sided, shaders::MATERIAL_DOUBLE_SIDED)
             | flag(material.unlit, shaders::MATERIAL_UNLIT),
+        dielectric: reflectance(material.ior),
         base_color_texture: slot(&material.base_color_texture),
         metallic_roughness_texture: slot(&material.metallic_roughness_texture),
         normal_texture: slot(&material.normal_texture),
@@ -166,6 +167,12 @@ fn material_record(material: &Material, scene: &Scene, atlas: &Atlas) -> shaders
         emissive_texture: slot(&material.emissive_texture),
         ..Default::default()
     }
+}
+
+/// Reflectance at normal incidence of what has an index of refraction against air (KHR_materials_ior).
+fn reflectance(ior: f32) -> f32 {
+    let ior = f64::from(ior);
+    ((ior - 1.0) / (ior + 1.0)).powi(2) as f32
 }
 
 fn slot(texture: &TextureRef, scene: &Scene, atlas: &Atlas) -> TextureSlot {

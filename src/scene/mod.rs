@@ -207,6 +207,8 @@ pub struct Material {
     pub double_sided: bool,
     /// `KHR_materials_unlit`: the base colour is the radiance.
     pub unlit: bool,
+    /// `KHR_materials_ior`: index of refraction against air, 1 or more, or 0, which reflects everything.
+    pub ior: f32,
 }
 
 impl Default for Material {
@@ -227,6 +229,7 @@ impl Default for Material {
             alpha: AlphaMode::Opaque,
             double_sided: false,
             unlit: false,
+            ior: 1.5,
         }
     }
 }

@@ -39,8 +39,9 @@ Answer reply(Question q) {
 struct Question { vec3 base_color; float metallic; vec3 normal; float roughness; vec4 view; vec4 light; };
 struct Answer { vec4 punctual; vec4 uniform_light; };
 Answer reply(Question q) {
-    return Answer(vec4(reflect_light(q.base_color, q.metallic, q.roughness, q.normal, q.view.xyz, q.light.xyz), 0.0),
-        vec4(reflect_uniform(q.base_color, q.metallic, q.roughness, q.normal, q.view.xyz), 0.0));
+    Reflector r = Reflector(q.base_color, q.metallic, q.roughness, q.view.w, q.light.w);
+    return Answer(vec4(both(reflect_light(r, q.normal, q.view.xyz, q.light.xyz)), 0.0),
+        vec4(both(reflect_uniform(r, q.normal, q.view.xyz)), 0.0));
 }
 #endif
 
@@ -75,8 +76,9 @@ struct Answer { vec4 base; vec4 emissive_occlusion; vec4 normal_metallic; vec4 g
 Answer reply(Question q) {
     Surface s = surface_at(q.material, q.instance, q.vertices[0], q.vertices[1], q.vertices[2], q.uv.x, q.uv.y,
         q.geometric.xyz, q.view.xyz);
-    return Answer(vec4(s.base_color, s.alpha), vec4(s.emissive, s.occlusion), vec4(s.normal, s.metallic),
-        vec4(s.geometric, s.roughness));
+    Reflector r = s.reflector;
+    return Answer(vec4(r.base_color, s.alpha), vec4(s.emissive, s.occlusion), vec4(s.normal, r.metallic),
+        vec4(s.geometric, r.roughness));
 }
 #endif
 

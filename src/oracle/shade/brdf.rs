@@ -18,17 +18,46 @@ pub struct Reflector {
     pub metallic: f64,
     /// Perceptual, 0..=1.
     pub roughness: f64,
+    /// Reflectance at normal incidence of what is not metal, 0..=1.
+    pub dielectric: f64,
+    /// Part of what enters it, where it is not metal, that does not pass through, 0..=1.
+    pub opaque: f64,
+}
+
+impl Default for Reflector {
+    /// White plaster of glTF's index of refraction, 1.5.
+    fn default() -> Self {
+        Self { base_color: DVec3::ONE, metallic: 0.0, roughness: 1.0, dielectric: 0.04, opaque: 1.0 }
+    }
+}
+
+/// What goes where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reflected {
+    /// What is scattered below the surface.
+    pub diffuse: DVec3,
+    /// What the lobe reflects.
+    pub specular: DVec3,
+}
+
+impl Reflected {
+    const NONE: Self = Self { diffuse: DVec3::ZERO, specular: DVec3::ZERO };
+
+    /// Both parts.
+    pub fn both(self) -> DVec3 {
+        self.specular + self.diffuse
+    }
 }
 
 impl Reflector {
     /// Reflectance at normal incidence.
     pub fn specular_color(&self) -> DVec3 {
-        DVec3::splat(0.04) * (1.0 - self.metallic) + self.base_color * self.metallic
+        DVec3::splat(self.dielectric) * (1.0 - self.metallic) + self.base_color * self.metallic
     }
 
     /// Albedo of what enters the surface.
     pub fn diffuse_color(&self) -> DVec3 {
-        self.base_color * (1.0 - self.metallic)
+        self.base_color * (1.0 - self.metallic) * self.opaque
     }
 
     fn alpha(&self) -> f64 {
@@ -38,9 +67,14 @@ impl Reflector {
     /// BRDF times cosine, 1/sr: radiance to `view` over irradiance from `light` on a perpendicular surface. All three are
     /// unit vectors away from the surface.
     pub fn reflect_light(&self, normal: DVec3, view: DVec3, light: DVec3) -> DVec3 {
+        self.reflect_parts(normal, view, light).both()
+    }
+
+    /// As [`Self::reflect_light`], told apart.
+    pub fn reflect_parts(&self, normal: DVec3, view: DVec3, light: DVec3) -> Reflected {
         let nl = normal.dot(light).min(1.0);
         if nl <= 0.0 {
-            return DVec3::ZERO;
+            return Reflected::NONE;
         }
         let nv = normal.dot(view).clamp(COSINE_MIN, 1.0);
         let f0 = self.specular_color();
@@ -48,7 +82,7 @@ impl Reflector {
         let sum = light + view;
         let sum2 = sum.length_squared();
         if sum2 < HALF_VECTOR_MIN {
-            return diffuse;
+            return Reflected { diffuse, specular: DVec3::ZERO };
         }
         let a2 = self.alpha() * self.alpha();
         let nh = normal.dot(sum);
@@ -57,7 +91,7 @@ impl Reflector {
         let root = |c: f64| (c * c * (1.0 - a2) + a2).sqrt();
         let visibility = 0.5 / (nl * root(nv) + nv * root(nl));
         let fresnel = f0 + (1.0 - f0) * (1.0 - 0.5 * sum2.sqrt()).max(0.0).powi(5);
-        diffuse + fresnel * (d * visibility * nl)
+        Reflected { diffuse, specular: fresnel * (d * visibility * nl) }
     }
 
     /// What of the light gets through the specular lobe into the diffuse layer and out again.
@@ -71,13 +105,18 @@ impl Reflector {
 
     /// The part of a uniform radiance that is reflected to `view`, 0..=1.
     pub fn reflect_uniform(&self, normal: DVec3, view: DVec3) -> DVec3 {
+        self.uniform_parts(normal, view).both()
+    }
+
+    /// As [`Self::reflect_uniform`], told apart.
+    pub fn uniform_parts(&self, normal: DVec3, view: DVec3) -> Reflected {
         let [whole, schlick] = lobe_albedo(normal.dot(view), self.roughness);
         let f0 = self.specular_color();
         let single = f0 * (whole - schlick) + schlick;
         let average = f0 + (1.0 - f0) / 21.0;
         let lost = 1.0 - whole;
         let specular = (single + single * average * lost / (1.0 - average * lost)).min(DVec3::ONE);
-        specular + self.diffuse_color() * (1.0 - specular)
+        Reflected { diffuse: self.diffuse_color() * (1.0 - specular), specular }
     }
 }
 

@@ -146,6 +146,8 @@ pub fn surface_at(
             base_color: base.truncate(),
             metallic: (f64::from(material.metallic) * mr.z).clamp(0.0, 1.0),
             roughness: (f64::from(material.roughness) * mr.y).clamp(0.0, 1.0),
+            dielectric: f64::from(material.dielectric),
+            opaque: 1.0,
         },
         alpha: if material.flags & (MATERIAL_MASK | MATERIAL_BLEND) != 0 { base.w } else { 1.0 },
         emissive: Vec3::from(material.emissive).as_dvec3() * emitted,

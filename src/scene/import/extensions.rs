@@ -9,9 +9,10 @@ use super::document::{Document, label};
 use crate::{Error, Result};
 
 /// What a file may require.
-const SUPPORTED: [&str; 5] = [
+const SUPPORTED: [&str; 6] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
     "KHR_texture_transform",

@@ -118,6 +118,11 @@ impl<'a> Table<'a> {
             unlit: extensions.is_some_and(|e| e.unlit.is_some()),
             ..Material::default()
         };
+        if let Some(ior) = extensions.and_then(|e| e.ior.as_ref()).map(|ior| ior.ior.0) {
+            let known = (ior >= 1.0 && ior.is_finite()) || ior == 0.0;
+            let bad = || document.bad(format!("{place} has the index of refraction {ior}; expected 1 or more, or 0"));
+            material.ior = if known { ior } else { return Err(bad()) };
+        }
         if let Some(normal) = &source.normal_texture {
             material.normal_scale = normal.scale;
         }
