@@ -3,7 +3,7 @@
 //!
 //! In bounds, `U` = 2^-24 is f32's unit roundoff. An addition or multiplication errs by 1 U of its result, Vulkan allows a
 //! division 2.5 ulp = 5 U, and an inverse square root 2 ulp = 4 U; a square root is one of those and a division, 9 U.
-#![allow(clippy::expect_used)] // a panic in a test's helper is a failing test
+#![allow(clippy::expect_used, clippy::print_stdout)] // a panic in a test's helper is a failing test
 
 mod support;
 
@@ -17,6 +17,7 @@ use stillray::oracle::random::{hash_combine, unit_float};
 use stillray::oracle::shade::alpha::alpha_threshold;
 use stillray::oracle::shade::brdf::{COSINE_MIN, Reflector};
 use stillray::oracle::shade::light::light_at;
+use stillray::oracle::shade::lobe::{Bounce, Scatterer, scatter};
 use stillray::oracle::shade::material::{Spot, surface_at};
 use stillray::oracle::shade::pack;
 use stillray::oracle::shade::texture::Textures;
@@ -479,6 +480,115 @@ fn brdf_excess(q: &BrdfQuestion, a: &BrdfAnswer) -> f64 {
     let mean = 1.0 - reflector.specular_color().max_element();
     let layer = (nl + 3.0 * U) * (64.0 * U + 4.0 * FIT) / mean.max(1.0 / 256.0).powi(2) * (1.0 - metallic) + 3.0 * U;
     excess3(a.punctual, want, |i| relative * want[i] + layer).max(excess3(a.uniform, uniform, |_| uniform_bound))
+}
+
+// --- Where paths go on ---
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ScatterQuestion {
+    base_color: [f32; 3],
+    metallic: f32,
+    normal: [f32; 3],
+    roughness: f32,
+    geometric: [f32; 3],
+    dielectric: f32,
+    view: [f32; 3],
+    opaque: f32,
+    u: [f32; 2],
+    which: f32,
+    part: f32,
+    exponent: f32,
+    index: f32,
+    padding: [f32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ScatterAnswer {
+    direction: [f32; 3],
+    through: u32,
+    weight: [f32; 3],
+    padding: u32,
+}
+
+/// What is asked of a surface, up to the ends of its ranges.
+fn scatter_question(s: &mut Stream, i: usize) -> ScatterQuestion {
+    let normal = s.direction();
+    // At the ends of its range a draw lies at the end of the lobe, where nothing bounds its error but that it is finite.
+    let most = if i % 16 == 0 { 0.99999994 } else { 0.9 };
+    ScatterQuestion {
+        base_color: s.vector(0.0, 1.0).to_array(),
+        metallic: [0.0, 0.0, 1.0, s.range(0.0, 1.0)][i % 4],
+        normal: normal.to_array(),
+        roughness: [0.0, s.range(0.0, 1.0), s.range(0.0, 0.3), 1.0][i / 4 % 4],
+        geometric: (normal + s.direction() * 0.2).normalize().to_array(),
+        dielectric: [0.04, s.range(0.0, 1.0)][i / 2 % 2],
+        view: (s.direction() + normal * s.range(0.0, 1.5)).normalize().to_array(),
+        opaque: [1.0, 0.0, s.range(0.0, 1.0)][i % 3],
+        u: [s.range(0.0, 1.0), s.range(0.0, most)],
+        which: s.range(0.0, 1.0),
+        part: s.range(0.05, 0.95),
+        exponent: [0.0, 0.0, s.size(0.0, 6.0)][i / 3 % 3],
+        index: [0.0, 1.0, s.range(0.25, 4.0), 1.0 / 1.5, 1.5][i / 5 % 5],
+        padding: [0.0; 2],
+    }
+}
+
+fn asked(q: &ScatterQuestion) -> Option<Bounce> {
+    let vector = |v: [f32; 3]| Vec3::from(v).as_dvec3();
+    let reflector = Reflector {
+        base_color: vector(q.base_color),
+        metallic: q.metallic.into(),
+        roughness: q.roughness.into(),
+        dielectric: q.dielectric.into(),
+        opaque: q.opaque.into(),
+    };
+    let scatterer = Scatterer { reflector, exponent: q.exponent.into(), index: q.index.into(), part: q.part.into() };
+    let normals = [vector(q.normal), vector(q.geometric)];
+    scatter(&scatterer, normals, vector(q.view), q.u.map(f64::from), q.which.into())
+}
+
+#[test]
+fn paths_go_on_where_their_twin_says() {
+    let mut s = Stream(8);
+    let questions: Vec<ScatterQuestion> = (0..32768).map(|i| scatter_question(&mut s, i)).collect();
+    let answers: Vec<ScatterAnswer> = ask("ASK_SCATTER", &questions, None);
+    for (q, a) in questions.iter().zip(&answers) {
+        let length = Vec3::from(a.direction).length();
+        assert!((length - 1.0).abs() < 1e-5 && Vec3::from(a.weight).is_finite(), "{:?} {:?}", a.direction, a.weight);
+        assert!(Vec3::from(a.weight).min_element() >= 0.0 && Vec3::from(a.weight).max_element() < 100.0, "{:?}", q.u);
+    }
+    let compare = |wrong: f32| {
+        let pairs = questions.iter().zip(&answers).filter(|(q, _)| q.u[1] < 0.9);
+        let all: Vec<f64> =
+            pairs.map(|(q, a)| scatter_excess(&ScatterQuestion { index: q.index * wrong, ..*q }, a)).collect();
+        let known = all.iter().filter(|e| !e.is_nan()).count();
+        (all.iter().copied().filter(|e| !e.is_nan()).fold(0.0, f64::max), known as f64 / all.len() as f64)
+    };
+    let (most, known) = compare(1.0);
+    println!("{most:.3} times the bound at most, {:.2} % decided", 100.0 * known);
+    assert!(most <= 1.0, "{most} times the bound");
+    // The rest are seen at or below the horizon of their normal.
+    assert!(known > 0.95, "{known} are decided");
+    assert!(compare(1.001).0 > 1.0, "a thousandth of the index is seen");
+}
+
+/// How many times its bound the difference is; NaN where rounding may decide.
+fn scatter_excess(q: &ScatterQuestion, a: &ScatterAnswer) -> f64 {
+    let nothing = a.weight == [0.0; 3];
+    let Some(want) = asked(q) else { return if nothing { 0.0 } else { f64::INFINITY } };
+    // Where a device has no bound to keep, none is asked for.
+    if want.doubtful || want.direction_error > 0.01 {
+        return f64::NAN;
+    }
+    let weight = worst((0..3).map(|i| excess(a.weight[i], want.weight[i], want.weight_error)));
+    if nothing {
+        return weight;
+    }
+    let same = (a.through != 0) == want.through;
+    let direction = worst((0..3).map(|i| excess(a.direction[i], want.direction[i], want.direction_error)));
+    if same { weight.max(direction) } else { f64::INFINITY }
 }
 
 // --- Materials ---

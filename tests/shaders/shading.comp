@@ -45,6 +45,24 @@ Answer reply(Question q) {
 }
 #endif
 
+#ifdef ASK_SCATTER
+#include "lobe.glsl"
+struct Question {
+    vec3 base_color; float metallic;
+    vec3 normal; float roughness;
+    vec3 geometric; float dielectric;
+    vec3 view; float opaque;
+    vec2 u; float which; float part;
+    float exponent; float index; float padding0; float padding1;
+};
+struct Answer { vec3 direction; uint through; vec3 weight; uint padding; };
+Answer reply(Question q) {
+    Reflector r = Reflector(q.base_color, q.metallic, q.roughness, q.dielectric, q.opaque);
+    Bounce b = scatter(Scatterer(r, q.exponent, q.index, q.part), q.normal, q.geometric, q.view, q.u, q.which);
+    return Answer(b.direction, uint(b.through), b.weight, 0u);
+}
+#endif
+
 #ifdef ASK_COLOR
 #include "color.glsl"
 struct Question { vec4 color; };

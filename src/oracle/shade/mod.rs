@@ -7,6 +7,7 @@ pub mod alpha;
 pub mod brdf;
 pub mod kernel;
 pub mod light;
+pub mod lobe;
 pub mod material;
 pub mod pack;
 pub mod texture;
