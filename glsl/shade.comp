@@ -2,7 +2,9 @@
 #extension GL_GOOGLE_include_directive : require
 // The radiance of every visible sample towards the camera.
 //
-// models: LENS AREA DEFORM ENVIRONMENT
+// Where paths go on, it also says where: the first of their rays.
+//
+// models: LENS AREA DEFORM ENVIRONMENT PATH
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -25,6 +27,13 @@ layout(set = 0, binding = 14, std430) writeonly buffer ShadedBlock { Shaded data
 layout(set = 0, binding = 15, std430) readonly buffer Seeds { uint data[]; } seeds;
 layout(set = 0, binding = 16, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
 #endif
+#ifdef PATH
+layout(set = 0, binding = 19, std430) writeonly buffer PathOrigins { uvec4 data[]; } path_origins;
+layout(set = 0, binding = 20, std430) writeonly buffer PathDirections { uvec4 data[]; } path_directions;
+layout(set = 0, binding = 21, std430) writeonly buffer PathWeights { uvec4 data[]; } path_weights;
+layout(set = 0, binding = 22, std430) writeonly buffer PathList { uint data[]; } path_list;
+layout(set = 0, binding = 23, std430) buffer PathCountersBlock { PathCounters data[]; } path_counters;
+#endif
 #ifdef ENVIRONMENT
 layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data[]; } environment_map;
 #endif
@@ -33,68 +42,12 @@ layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data
 #ifdef DEFORM
 layout(set = 0, binding = 17, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
 #endif
-#include "brdf.glsl"
-#include "choice.glsl"
-#ifdef ENVIRONMENT
-#include "environment.glsl"
+#include "radiance.glsl"
+#ifdef PATH
+#include "path.glsl"
 #endif
-#include "light.glsl"
-#include "material.glsl"
-#include "place.glsl"
-#include "triangle.glsl"
 
 const Shaded NOT_VISIBLE = Shaded(0u, 0u, 0u, -1.0);
-
-SurfacePoint point_of(Found f, Instance inst) {
-    vec3 a;
-    vec3 b;
-    vec3 c;
-    uint p = f.primitive;
-    unpack_corners(corners.data[2u * p], corners.data[2u * p + 1u], rest.data[p], a, b, c);
-    return surface_point(inst.to_relative, inst.to_object, a, b, c, f.u, f.v);
-}
-
-vec3 surface_radiance(Found f, uint slot, uint lit_bits) {
-    Instance inst = instances.data[f.instance];
-    Triangle corner = triangles.data[f.primitive];
-    Material material = materials.data[corner.material];
-    SurfacePoint point = point_of(f, inst);
-#ifdef LENS
-    vec3 view = unit_or(ray_origin(seeds.data[slot]) - point.position, point.normal);
-#else
-    vec3 view = unit_or(-point.position, point.normal);
-#endif
-    Surface s = surface_at(material, inst, vertices.data[corner.vertex0], vertices.data[corner.vertex1],
-        vertices.data[corner.vertex2], f.u, f.v, point.normal, view);
-    if (s.unlit) {
-        return s.reflector.base_color;
-    }
-    vec3 ambient = both(reflect_uniform(s.reflector, s.normal, view));
-    vec3 radiance = s.emissive + ambient * frame.data.environment.rgb * s.occlusion;
-    float weight = light_weight(frame.data.light_count, frame.data.shadow_rays);
-#ifdef AREA
-    vec2 at = seed_pair(seeds.data[slot], PAIR_LIGHT);
-#endif
-    for (uint i = 0u; i < frame.data.light_count; ++i) {
-        if ((lit_bits >> i & 1u) != 0u) {
-#ifdef AREA
-            Incident incident = light_at(light_point(lights.data[i], at), point.position);
-#else
-            Incident incident = light_at(lights.data[i], point.position);
-#endif
-            vec3 part = both(reflect_light(s.reflector, s.normal, view, incident.direction));
-            radiance += part * (incident.irradiance * weight);
-        }
-    }
-#ifdef ENVIRONMENT
-    if (has_environment_map() && (lit_bits >> ENVIRONMENT_LIGHT & 1u) != 0u) {
-        FromAfar sky = environment_sample(seed_bits(seeds.data[slot], PAIR_ENVIRONMENT));
-        vec3 part = both(reflect_light(s.reflector, s.normal, view, sky.direction));
-        radiance += part * min(sky.irradiance, vec3(IRRADIANCE_MAX));
-    }
-#endif
-    return radiance;
-}
 
 // Where a sample was on its instance in the last frame.
 vec3 previous_position(Sample s, uint id) {
@@ -142,25 +95,34 @@ bool locate(Sample s, uint slot, out vec2 offset, out vec2 motion, out float dep
     return here && there;
 }
 
-void main() {
-    uint slot = dense_index();
-    if (slot >= counters.data.samples) {
-        return;
-    }
-    Found f = found.data[slot];
-    if (f.primitive == FOUND_LOST || (f.instance & OCCLUDED_BIT) != 0u) {
-        shaded.data[slot] = NOT_VISIBLE;
-        return;
-    }
-    vec3 radiance = frame.data.environment.rgb;
-    if (f.instance != SKY_INSTANCE) {
-        radiance = surface_radiance(f, slot, lit.data[slot]);
-    }
-#ifdef ENVIRONMENT
-    else if (has_environment_map()) {
-        radiance += environment_radiance(samples.data[slot].position);
-    }
+// Shades a visible sample; where its path goes on, which way.
+uint shade(uint slot, Found f) {
+#if defined(LENS) || defined(AREA) || defined(ENVIRONMENT)
+    uint seed = seeds.data[slot];
+#else
+    const uint seed = 0u;
 #endif
+#ifdef LENS
+    vec3 viewer = ray_origin(seed);
+#else
+    const vec3 viewer = vec3(0.0);
+#endif
+    uint kind = 0u;
+    vec3 radiance;
+    if (f.instance == SKY_INSTANCE) {
+        radiance = sky_radiance(samples.data[slot].position);
+    } else {
+        Seen seen = seen_from(viewer, f);
+#ifdef PATH
+        bool rays = is_followed(seen.surface);
+        radiance = radiance_of(seen, seed, lit.data[slot], rays);
+        if (rays) {
+            kind = follow_path(seen, slot, seed, 0u, vec3(1.0), 0u, radiance);
+        }
+#else
+        radiance = radiance_of(seen, seed, lit.data[slot], false);
+#endif
+    }
     vec2 offset;
     vec2 motion;
     float depth;
@@ -168,4 +130,23 @@ void main() {
     Shaded result = pack_shaded(radiance, offset, motion, depth);
     result.motion = known ? result.motion : MOTION_UNKNOWN;
     shaded.data[slot] = result;
+    return kind;
+}
+
+void main() {
+    uint slot = dense_index();
+    bool listed = slot < counters.data.samples;
+    Found f = Found(0u, FOUND_LOST, 0.0, 0.0);
+    if (listed) {
+        f = found.data[slot];
+    }
+    uint kind = 0u;
+    if (listed && f.primitive != FOUND_LOST && (f.instance & OCCLUDED_BIT) == 0u) {
+        kind = shade(slot, f);
+    } else if (listed) {
+        shaded.data[slot] = NOT_VISIBLE;
+    }
+#ifdef PATH
+    list_path(gl_LocalInvocationIndex, kind, 0u, slot);
+#endif
 }

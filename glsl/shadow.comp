@@ -4,6 +4,9 @@
 // the rays towards lights behind the surface are not traced and leave their bits zero, as do lights that are not chosen. A map
 // of light from all around gets one ray more, and the last bit.
 //
+// The `bounce` variant asks the same of what the secondary rays of a step have found.
+//
+// variant bounce: BOUNCE PATH LENS AREA ENVIRONMENT
 // models: ALPHA LENS AREA ENVIRONMENT
 #define TRAVERSE_ANY
 #include "types.glsl"
@@ -34,8 +37,17 @@ layout(set = 0, binding = 16, std430) readonly buffer SamplerTable { uint data[]
 #ifdef ENVIRONMENT
 layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data[]; } environment_map;
 #endif
+#ifdef BOUNCE
+layout(set = 0, binding = 19, std430) readonly buffer PathOrigins { uvec4 data[]; } path_origins;
+layout(set = 0, binding = 20, std430) readonly buffer PathList { uint data[]; } path_list;
+layout(set = 0, binding = 21, std430) readonly buffer PathCountersBlock { PathCounters data[]; } path_counters;
+layout(push_constant) uniform Push { uint step; } push;
+#include "path_list.glsl"
+#endif
 #include "place.glsl"
 #ifdef ALPHA
+// Light passes straight through what transmits: it is not refracted on its way from a light.
+#define SHADOW_RAYS
 #include "alpha_hit.glsl"
 #endif
 #include "choice.glsl"
@@ -56,14 +68,21 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
     Corners c = load_corners(f.primitive);
     SurfacePoint point = surface_point(inst.to_relative, inst.to_object, c.v0, c.v1, c.v2, f.u, f.v);
     // The lit side is the one that is seen.
-#ifdef LENS
-    vec3 seen_along = point.position - ray_origin(seeds.data[slot]);
+#ifdef BOUNCE
+    uint seed = path_seed(seeds.data[slot], push.step + 1u);
+    vec3 seen_along = point.position - uintBitsToFloat(path_origins.data[slot].xyz);
+#elif defined(LENS)
+    uint seed = seeds.data[slot];
+    vec3 seen_along = point.position - ray_origin(seed);
 #else
+#if defined(AREA) || defined(ENVIRONMENT)
+    uint seed = seeds.data[slot];
+#endif
     vec3 seen_along = point.position;
 #endif
     float viewer_side = dot(point.normal, seen_along) <= 0.0 ? 1.0 : -1.0;
 #ifdef AREA
-    vec2 at = seed_pair(seeds.data[slot], PAIR_LIGHT);
+    vec2 at = seed_pair(seed, PAIR_LIGHT);
 #endif
     uint bits = 0u;
     rays = 0u;
@@ -74,7 +93,7 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
 #ifdef ENVIRONMENT
     // One direction of the map comes last, as a light that is always chosen: in the same loop, for compilers unroll each call of
     // a traversal by itself.
-    vec3 sky = environment_sample(seed_bits(seeds.data[slot], PAIR_ENVIRONMENT)).direction;
+    vec3 sky = environment_sample(seed_bits(seed, PAIR_ENVIRONMENT)).direction;
     ends += has_environment_map() ? 1u : 0u;
 #endif
     for (uint i = 0u; i < ends; ++i) {
@@ -119,18 +138,26 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
 }
 
 void main() {
+#ifdef BOUNCE
+    uint slot = listed_path(push.step, dense_index());
+    bool listed = slot != NO_PATH;
+    uint salt = frame.data.seed + 0x9e3779b9u * (push.step + 1u);
+#else
     uint slot = dense_index();
+    bool listed = slot < counters.data.samples;
+    uint salt = frame.data.seed;
+#endif
     if (gl_LocalInvocationIndex == 0u) {
         tally = 0u;
     }
     barrier();
-    if (slot < counters.data.samples) {
+    if (listed) {
         Found f = found.data[slot];
         bool visible = f.primitive != FOUND_LOST && (f.instance & OCCLUDED_BIT) == 0u;
         uint bits = 0u;
         uint rays = 0u;
         if (visible && f.instance != SKY_INSTANCE) {
-            bits = lights_reaching(f, slot, light_hash(samples.data[slot], frame.data.seed), rays);
+            bits = lights_reaching(f, slot, light_hash(samples.data[slot], salt), rays);
         }
         lit.data[slot] = bits;
         atomicAdd(tally, rays);

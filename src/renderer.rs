@@ -429,8 +429,8 @@ impl Frames {
         let buffers = FrameBuffers::new(context, settings, &storage, instances, lights, deforming)?;
         let shapes = deforming::targets(scene, &scene.resources(), buffers.resources(0).previous_corners);
         let ring = Ring::new(context, scene, &shapes)?;
-        // Two plans of less than 28 passes each.
-        let kit = Kit::new(context, 2 * 28, model.bits())?;
+        // Two plans of less than 28 passes each, and four for each step of paths.
+        let kit = Kit::new(context, 2 * (28 + 4 * shaders::PATH_STEPS), model.bits())?;
         let plan_of = |slot: usize| -> Result<Plan> {
             let resources = buffers.resources(slot);
             let transfers = ring.transfers(slot, &resources, scene, &shapes);

@@ -10,6 +10,10 @@ pub struct FrameStats {
     pub rays: u32,
     /// Shadow rays traced.
     pub shadow_rays: u32,
+    /// Secondary rays of what was reflected.
+    pub reflection_rays: u32,
+    /// Secondary rays of what passed through a surface.
+    pub refraction_rays: u32,
     /// Samples that were reprojected onto the screen and kept; with a fill, those that were evicted then too; with point
     /// tracking, rays towards points of the last frame.
     pub reused: u32,
@@ -56,6 +60,8 @@ impl FrameStats {
         Self {
             rays: c.samples,
             shadow_rays: c.shadow_rays,
+            reflection_rays: c.reflection_rays,
+            refraction_rays: c.refraction_rays,
             reused,
             added,
             evicted: c.evicted,

@@ -20,20 +20,32 @@ float footprint(Instance inst, vec3 object) {
 bool alpha_hit(uint instance, uint primitive, float u, float v, float t) {
     Triangle corner = triangles.data[primitive];
     Material material = materials.data[corner.material];
-    if ((material.flags & (MATERIAL_MASK | MATERIAL_BLEND)) == 0u) {
+    uint holes = MATERIAL_MASK | MATERIAL_BLEND;
+#ifdef SHADOW_RAYS
+    holes |= MATERIAL_TRANSMITS;
+#endif
+    if ((material.flags & holes) == 0u) {
         return true;
     }
     Vertex a = vertices.data[corner.vertex0];
     Vertex b = vertices.data[corner.vertex1];
     Vertex c = vertices.data[corner.vertex2];
-    float alpha = base_color_at(material, attributes_at(a, b, c, u, v)).a;
+    Attributes at = attributes_at(a, b, c, u, v);
+    float alpha = base_color_at(material, at).a;
     vec3 p0;
     vec3 p1;
     vec3 p2;
     unpack_corners(corners.data[2u * primitive], corners.data[2u * primitive + 1u], rest.data[primitive], p0, p1, p2);
     vec3 object = triangle_point(p0, p1, p2, u, v);
     uint seed = hash_combine(frame.data.alpha_seed, instance);
-    return alpha_passes(material, alpha, object, footprint(instances.data[instance], object), seed);
+    float cell = footprint(instances.data[instance], object);
+#ifdef SHADOW_RAYS
+    if ((material.flags & MATERIAL_TRANSMITS) != 0u
+        && !(transmission_at(material, at) <= alpha_threshold(object, cell, ~seed))) {
+        return false;
+    }
+#endif
+    return alpha_passes(material, alpha, object, cell, seed);
 }
 
 #endif

@@ -42,6 +42,9 @@ float alpha_of(float roughness) {
     return max(roughness * roughness, ALPHA_MIN);
 }
 
+// What lobe_albedo() is off by at most.
+const float ALBEDO_ERROR = 0.018;
+
 // x^5 for x in 0..1.
 float fifth_power(float x) {
     float x2 = x * x;

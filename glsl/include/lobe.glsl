@@ -53,9 +53,10 @@ float unshadowed(float cosine_in, float cosine_out, float a2) {
     return cosine_out * (root_in + cosine_in) / max(root_in * cosine_out + root_out * cosine_in, SMALLEST_NORMAL);
 }
 
-// What single scattering loses is put back, so that in uniform light the lobe is that of reflect_uniform().
+// What single scattering loses is put back, as in reflect_uniform(), but for what the fit of the albedo may be off by: nothing
+// reflects more than it gets.
 vec3 lobe_gain(vec3 f0, float cosine, float roughness) {
-    float lost = 1.0 - lobe_albedo(cosine, roughness).x;
+    float lost = max(1.0 - ALBEDO_ERROR - lobe_albedo(cosine, roughness).x, 0.0);
     vec3 average = f0 + (1.0 - f0) * (1.0 / 21.0);
     return 1.0 + average * lost / (1.0 - average * lost);
 }
@@ -81,6 +82,29 @@ vec3 phong_direction(vec3 mirrored, float exponent, vec2 u) {
     vec2 lobe = power_cosine(-log(1.0 - u.y) / (exponent + 1.0));
     vec2 around = turn_vector(u.x) * sqrt(lobe.y);
     return normalize(right * around.x + up * around.y + mirrored * lobe.x);
+}
+
+// As reflect_light(), with Phong's lobe: what phong_direction() draws, weighted by Fresnel's factor at the normal.
+Reflected phong_light(Reflector r, float exponent, vec3 normal, vec3 view, vec3 light) {
+    float nl = min(dot(normal, light), 1.0);
+    if (!(nl > 0.0)) {
+        return Reflected(vec3(0.0), vec3(0.0));
+    }
+    float nv = clamp(dot(normal, view), COSINE_MIN, 1.0);
+    vec3 f0 = specular_color(r);
+    vec3 fresnel = f0 + (1.0 - f0) * fifth_power(1.0 - nv);
+    vec3 off = 2.0 * nv * normal - view - light;
+    float x = 0.5 * dot(off, off);  // one less the cosine
+    float decay = x < 0.015625 ? x * (1.0 + x * (0.5 + x * (1.0 / 3.0))) : -log(max(1.0 - x, SMALLEST_NORMAL));
+    float lobe = x < 1.0 ? exp(-exponent * decay) * (exponent + 1.0) / (2.0 * PI) : 0.0;
+    return Reflected(diffuse_color(r) * (1.0 - fresnel) * (nl / PI), fresnel * lobe);
+}
+
+// As reflect_uniform(), with Phong's lobe.
+Reflected phong_uniform(Reflector r, vec3 normal, vec3 view) {
+    vec3 f0 = specular_color(r);
+    vec3 fresnel = f0 + (1.0 - f0) * fifth_power(1.0 - clamp(dot(normal, view), COSINE_MIN, 1.0));
+    return Reflected(diffuse_color(r) * (1.0 - fresnel), fresnel);
 }
 
 // Where the path goes on. `normal` is the shading normal and `geometric` the surface's, both unit and on the viewer's side;

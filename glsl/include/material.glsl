@@ -17,6 +17,9 @@ struct Surface {
     vec3 emissive;     // radiance
     float occlusion;   // 0..1: the part of the uniform light that arrives
     bool unlit;        // the base colour is the radiance
+#ifdef PATH
+    float exponent;    // of Phong's lobe; 0: the lobe of the roughness
+#endif
     vec3 normal;       // shading normal, unit, world axes, on the viewer's side of the surface
     vec3 geometric;    // geometric normal, the same
 };
@@ -44,6 +47,15 @@ vec4 base_color_at(Material material, Attributes at) {
         color *= sample_texture(material.base_color_texture, at.uv0, at.uv1, true);
     }
     return clamp(color, 0.0, 1.0);
+}
+
+// Part of what enters that passes through, 0..1.
+float transmission_at(Material material, Attributes at) {
+    float passes = material.transmission * (1.0 - clamp(material.metallic, 0.0, 1.0));
+    if (has_texture(material.transmission_texture)) {
+        passes *= clamp(sample_texture(material.transmission_texture, at.uv0, at.uv1, false).r, 0.0, 1.0);
+    }
+    return passes;
 }
 
 // v as a unit vector, whatever its length; `otherwise` if it has no direction. Tested by its bits, see pack.glsl.
@@ -100,6 +112,10 @@ Surface surface_at(Material material, Instance instance, Vertex a, Vertex b, Ver
     s.reflector.roughness = material.roughness;
     s.reflector.dielectric = material.dielectric;
     s.reflector.opaque = 1.0;
+#ifdef PATH
+    s.exponent = material.exponent;
+    s.reflector.opaque = 1.0 - transmission_at(material, at);
+#endif
     if (has_texture(material.metallic_roughness_texture)) {
         vec4 mr = sample_texture(material.metallic_roughness_texture, at.uv0, at.uv1, false);
         s.reflector.roughness *= mr.g;

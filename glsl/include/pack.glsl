@@ -47,14 +47,21 @@ float storable(float x) {
     return nan ? 0.0 : clamp(x, 0.0, HALF_MAX);
 }
 
+// The same sample in another colour.
+Shaded with_color(Shaded s, vec3 color) {
+    s.color_rg = packHalf2x16(vec2(storable(color.r), storable(color.g)));
+    s.color_b_offset = (packHalf2x16(vec2(storable(color.b), 0.0)) & 0xffffu) | (s.color_b_offset & 0xffff0000u);
+    return s;
+}
+
 // `offset` is the position in the pixel, 0..1; `motion` in pixels. Halves are rounded as the driver's packHalf2x16 does it:
 // within one unit in the last place.
 Shaded pack_shaded(vec3 color, vec2 offset, vec2 motion, float depth) {
     uvec2 bytes = uvec2(clamp(offset, vec2(0.0), vec2(0.998046875)) * 256.0);
     vec2 moved = vec2(is_finite_bits(motion.x) ? motion.x : 0.0, is_finite_bits(motion.y) ? motion.y : 0.0);
     Shaded s;
-    s.color_rg = packHalf2x16(vec2(storable(color.r), storable(color.g)));
-    s.color_b_offset = (packHalf2x16(vec2(storable(color.b), 0.0)) & 0xffffu) | bytes.x << 16 | bytes.y << 24;
+    s.color_b_offset = bytes.x << 16 | bytes.y << 24;
+    s = with_color(s, color);
     s.motion = packHalf2x16(clamp(moved, vec2(-HALF_MAX), vec2(HALF_MAX)));
     s.depth = depth;
     return s;

@@ -12,13 +12,15 @@ uint new_seed(uvec2 pixel, uint number) {
     return pixel.x | (pixel.y << 14) | (number << 28);
 }
 
-#if defined(LENS) || defined(AREA) || defined(ENVIRONMENT)
+#if defined(LENS) || defined(AREA) || defined(ENVIRONMENT) || defined(PATH)
 #include "sampler.glsl"
 
 // Pairs of dimensions of a path; 0 is the place in the pixel.
 const uint PAIR_LENS = 1u;
 const uint PAIR_LIGHT = 3u;
 const uint PAIR_ENVIRONMENT = 5u;
+const uint PAIR_LOBE = 4u;
+const uint PAIR_CHOICE = 6u;
 
 // A pair of coordinates, 2^32 to one.
 uvec2 seed_bits(uint seed, uint pair) {
@@ -31,6 +33,16 @@ vec2 seed_pair(uint seed, uint pair) {
     uvec2 at = seed_bits(seed, pair);
     return vec2(unit_float(at.x), unit_float(at.y));
 }
+
+#ifdef PATH
+// Of the steps of a path after the first, as if another pixel's, the farther away the later: all pixels of a neighbourhood draw
+// from another one of the same evenness.
+uint path_seed(uint seed, uint step) {
+    uint x = seed + 2741u * step;
+    uint y = (seed >> 14) + 6053u * step;
+    return (seed & 0xf0000000u) | (x & 16383u) | (y & 16383u) << 14;
+}
+#endif
 #endif
 
 #endif

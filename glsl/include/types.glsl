@@ -16,6 +16,8 @@ const uint MODEL_LENS = 16u;   // the camera has an aperture
 const uint MODEL_AREA = 32u;   // some light has an extent
 const uint MODEL_ENVIRONMENT = 64u;  // light comes from all around as a map says
 const uint MODEL_DEFORM = 128u;  // some mesh deforms
+const uint MODEL_PATH = 1024u;  // paths go on behind what the camera sees: reflections, refraction
+// MODEL_PATH brings SEED AREA ENVIRONMENT
 
 // A cached sample: 16 bytes (paper 1, section 5).
 struct Sample {
@@ -84,7 +86,7 @@ struct Instance {
 };
 
 const uint INSTANCE_FLIPPED = 1u;  // the transform's determinant is negative
-const uint INSTANCE_ALPHA = 2u;    // some material of the mesh has an alpha mask or blend
+const uint INSTANCE_ALPHA = 2u;    // some material of the mesh has an alpha mask or blend, or lets light through
 const uint INSTANCE_DEFORMS = 4u;  // the mesh is another one in each frame
 const uint INSTANCE_SHAPE_SHIFT = 4u;  // of an instance that deforms, the bits from here on: its first triangle in `previous_corners`
 const uint SHAPE_TRIANGLES = 16777216u;  // that a mesh which deforms may have: slots are told as floats
@@ -122,19 +124,24 @@ struct Material {
     float alpha_cutoff;
     uint flags;  // MATERIAL_* below
     float dielectric;  // 0..1: reflectance at normal incidence where it is not metal
-    uint padding0;
-    uint padding1;
+    float index;       // of refraction; 0: reflects everything
+    float exponent;    // of Phong's lobe, which takes the place of the roughness's; 0: none
+    vec3 absorption;   // of what is inside, 1/metre
+    float transmission;  // 0..1: part of what enters it that passes through
     TextureSlot base_color_texture;
     TextureSlot metallic_roughness_texture;
     TextureSlot normal_texture;
     TextureSlot occlusion_texture;
     TextureSlot emissive_texture;
+    TextureSlot transmission_texture;
 };
 
 const uint MATERIAL_MASK = 1u;
 const uint MATERIAL_BLEND = 2u;
 const uint MATERIAL_DOUBLE_SIDED = 4u;
 const uint MATERIAL_UNLIT = 8u;
+const uint MATERIAL_TRANSMITS = 16u;
+const uint MATERIAL_SOLID = 32u;  // what transmits is a body that refracts, and not a thin wall
 
 // A punctual light in a frame.
 struct Light {
@@ -194,10 +201,25 @@ struct Counters {
     uint replaced;    // occluded samples that took their occluder's hit
     uint shadow_rays;
     uint histogram[17];  // pixels with 0, 1, ... 16 reprojected unoccluded samples
+    uint reflection_rays;
+    uint refraction_rays;
+    uint padding0;
+};
+
+// The secondary rays of one step of all paths: those that are reflected are listed from the front of a list, those that are refracted from
+// its back, so that rays of a kind are traced together (paper 2, section 3).
+struct PathCounters {
+    uint trace_x;  // workgroups over the list, for vkCmdDispatchIndirect
+    uint trace_y;
+    uint trace_z;
+    uint reflected;
+    uint refracted;
     uint padding0;
     uint padding1;
     uint padding2;
 };
+
+const uint PATH_STEPS = 8u;  // of a path at most
 
 // Constants of a frame.
 struct Frame {
@@ -226,9 +248,9 @@ struct Frame {
     uint shadow_rays;      // a sample and frame at most; 0: every light reaches
     float filter_width;    // standard deviation of the reconstruction filter, pixels
     uint variation;        // of the coordinates of samples on lens and lights: 0 where they belong to the sample
-    uint padding0;
-    uint padding1;
-    uint padding2;
+    float gloss;           // surfaces of at most this roughness send reflection rays; 0: none do
+    float part;            // of the paths at a surface that both reflects and transmits, those that are reflected
+    uint path_depth;       // secondary rays of a path at most
 };
 
 const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut

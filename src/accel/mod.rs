@@ -29,7 +29,7 @@ use obvhs::cwbvh::node::CwBvhNode;
 use rayon::prelude::*;
 
 use crate::progress::Progress;
-use crate::scene::{AlphaMode, Mesh, Scene};
+use crate::scene::{AlphaMode, Material, Mesh, Scene};
 use crate::{Error, Result, shaders};
 
 /// A compressed node: the 80 bytes of obvhs's `CwBvhNode`, five `uvec4` for the GPU.
@@ -216,7 +216,8 @@ fn vertex_of(mesh: &Mesh, i: usize) -> shaders::Vertex {
 }
 
 fn has_alpha(scene: &Scene, mesh: &Mesh) -> bool {
-    let opaque = |&m: &u32| scene.materials.get(m as usize).is_none_or(|m| m.alpha == AlphaMode::Opaque);
+    let is_opaque = |m: &Material| m.alpha == AlphaMode::Opaque && !m.transmits();
+    let opaque = |&m: &u32| scene.materials.get(m as usize).is_none_or(is_opaque);
     !mesh.triangle_materials.iter().all(opaque)
 }
 

@@ -4,10 +4,10 @@ use super::SLOTS;
 use super::storage::Storage;
 use crate::gpu::buffer::check_range;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Place, Range, Resource};
-use crate::phase::{AovResources, FrameResources, HistoryResources, Memory, SeedResources};
+use crate::phase::{AovResources, FrameResources, HistoryResources, Memory, PathResources, SeedResources};
 use crate::sampler::Sampler;
 use crate::settings::{Aov, Sampling, Settings};
-use crate::shaders::{Counters, Frame, Instance, Light};
+use crate::shaders::{Counters, Frame, Instance, Light, PATH_STEPS, PathCounters};
 use crate::{Error, Result};
 use ash::vk;
 
@@ -38,6 +38,8 @@ pub struct FrameBuffers {
     instances: Buffer,
     lights: Buffer,
     previous_corners: Option<Buffer>,
+    /// Origins, directions, weights, list and counters.
+    paths: Vec<Buffer>,
     /// The frame.
     pub color: Image,
     /// All of [`Aov::ALL`], or none.
@@ -95,6 +97,13 @@ impl FrameBuffers {
             previous_corners: deforming
                 .map(|triangles| make("previous corners", 36 * triangles.max(1) as u64))
                 .transpose()?,
+            paths: if storage.paths > 0 {
+                let counters = u64::from(PATH_STEPS + 1) * size_of::<PathCounters>() as u64;
+                let sizes = [storage.paths, storage.paths, storage.paths, storage.paths / 2, counters];
+                sizes.into_iter().map(|size| make("paths", size)).collect::<Result<_>>()?
+            } else {
+                Vec::new()
+            },
             color: color_image(context, settings)?,
             aovs: aov_images(context, settings)?,
         };
@@ -129,6 +138,7 @@ impl FrameBuffers {
             ages: ages("ages", slot),
             memory: self.memory(slot),
             seeds: self.seeds(slot),
+            paths: self.path_resources(),
             previous_corners: self.previous_corners.as_ref().map(|b| Range::whole("previous corners", b)),
             claims: shared("claims", 0, s.claims),
             masks: Range::whole("masks", &self.masks),
@@ -172,6 +182,17 @@ impl FrameBuffers {
             previous: seeds("previous seeds", SLOTS - 1 - slot)?,
             now: seeds("seeds", slot)?,
             table: Range::whole("sampler table", self.sampler_table.as_ref()?),
+        })
+    }
+
+    fn path_resources(&self) -> Option<PathResources> {
+        let [origins, directions, weights, list, counters] = &self.paths[..] else { return None };
+        Some(PathResources {
+            origins: Range::whole("path origins", origins),
+            directions: Range::whole("path directions", directions),
+            weights: Range::whole("path weights", weights),
+            list: Range::whole("path list", list),
+            counters: Range::whole("path counters", counters),
         })
     }
 

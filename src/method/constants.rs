@@ -82,7 +82,9 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         shadow_rays: settings.shadow_rays,
         filter_width: settings.filter_width,
         variation: if settings.hold == Hold::Frame { moment.frame + 1 } else { variation },
-        ..Default::default()
+        gloss: settings.gloss,
+        part: settings.path_part,
+        path_depth: settings.path_depth,
     }
 }
 

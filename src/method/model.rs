@@ -35,7 +35,11 @@ impl Model {
         let all = || (settings.modelling == Modelling::All).then(|| "model = all".to_owned());
         let keeps = settings.method.keeps_samples();
         let aov = |aov: Aov| (keeps && settings.aovs.contains(&aov)).then(|| format!("the AOV '{}'", aov.name()));
-        let alpha = feature(Feature::AlphaMask).or_else(|| feature(Feature::AlphaBlend)).or_else(all);
+        let transmission = feature(Feature::Transmission);
+        let holes = feature(Feature::AlphaMask).or_else(|| feature(Feature::AlphaBlend));
+        let alpha = holes.or_else(|| transmission.clone()).or_else(all);
+        let gloss = || (settings.gloss > 0.0).then(|| format!("gloss = {}", settings.gloss));
+        let path = transmission.or_else(|| feature(Feature::PhongLobe)).or_else(gloss).or_else(all);
         let lens = feature(Feature::Lens).or_else(all);
         let area = feature(Feature::AreaLights).or_else(all);
         let environment = feature(Feature::EnvironmentMap).or_else(all);
@@ -57,6 +61,12 @@ impl Model {
                 "meshes that deform",
                 "their upload in each frame, twice their corners",
                 deform,
+            ),
+            part(
+                shaders::MODEL_PATH,
+                "paths behind what is seen",
+                "56 bytes a sample, and a ray with its shadow rays a step",
+                path,
             ),
             part(shaders::MODEL_SEED, "seeds of samples", "4 bytes a cached sample", seed),
             part(shaders::MODEL_AGE, "ages of samples", "4 bytes a cached sample", aov(Aov::Age)),

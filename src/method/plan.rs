@@ -48,6 +48,7 @@ pub fn plan(
     let uploads = transfers.uploads.iter();
     let mut passes: Vec<Pass> = uploads.map(|(from, to)| Pass::copy("upload", *from, *to)).collect();
     passes.push(Pass::fill("upload", tallies(f.counters), 0));
+    passes.extend(f.paths.map(|paths| Pass::fill("upload", paths.counters, 0)));
     passes.extend(match settings.method.sampling() {
         Sampling::Reprojected if settings.fills() => decided_after_verification(kit, f, s)?,
         Sampling::Reprojected => decided_before_verification(kit, f, s)?,
@@ -59,6 +60,7 @@ pub fn plan(
         passes.push(phase::changes::pass(kit, f, images)?);
     }
     passes.push(phase::shade::pass(kit, f, s)?);
+    passes.extend(phase::bounce::passes(kit, f, s, settings.path_depth)?);
     passes.push(phase::reconstruct::pass(kit, f, settings)?);
     passes.push(match &f.history {
         Some(history) => phase::temporal::pass(kit, f, history, settings)?,

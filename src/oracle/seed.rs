@@ -18,6 +18,18 @@ pub fn new_seed([x, y]: [u32; 2], number: u32) -> u32 {
     x | y << 14 | (number & 15) << 28
 }
 
+/// See [`PAIR_LENS`].
+pub const PAIR_LOBE: u32 = 4;
+/// See [`PAIR_LENS`].
+pub const PAIR_CHOICE: u32 = 6;
+
+/// The seed by which a later step of a sample's path is drawn.
+pub fn path_seed(seed: u32, step: u32) -> u32 {
+    let x = seed.wrapping_add(2741 * step);
+    let y = (seed >> 14).wrapping_add(6053 * step);
+    (seed & 0xf000_0000) | (x & 16383) | (y & 16383) << 14
+}
+
 /// A pair of coordinates of a sample, 2^32 to one.
 pub fn seed_bits(sampler: &Sampler, variation: u32, seed: u32, pair: u32) -> [u32; 2] {
     let pixel = [seed & 16383, seed >> 14 & 16383];

@@ -39,7 +39,7 @@ pub fn shadow(stage: &Stage<'_>, lights: &[Light], sample: &Sample, found: &Foun
             outcome.bits |= u32::from(query.is_some()) << i;
         } else if let Some(query) = query {
             outcome.rays += 1;
-            let exists = |hit: &Intersection| stage.alpha_hit(hit, &doubtful);
+            let exists = |hit: &Intersection| stage.shadow_hit(hit, &doubtful);
             outcome.bits |= u32::from(!any_with_alpha(&stage.world, &query, &exists)) << i;
         }
         outcome.doubtful |= u32::from(doubtful.get()) << i;
@@ -48,7 +48,7 @@ pub fn shadow(stage: &Stage<'_>, lights: &[Light], sample: &Sample, found: &Foun
         let doubtful = Cell::new(false);
         let query = shadow_query(stage, &light, found, &doubtful);
         outcome.rays += u32::from(!untraced && query.is_some());
-        let exists = |hit: &Intersection| stage.alpha_hit(hit, &doubtful);
+        let exists = |hit: &Intersection| stage.shadow_hit(hit, &doubtful);
         let reaches = query.is_some_and(|query| untraced || !any_with_alpha(&stage.world, &query, &exists));
         outcome.bits |= u32::from(reaches) << ENVIRONMENT_LIGHT;
         outcome.doubtful |= u32::from(doubtful.get()) << ENVIRONMENT_LIGHT;

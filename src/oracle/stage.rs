@@ -6,12 +6,14 @@ use std::cell::Cell;
 use glam::{DVec3, Vec3};
 
 use super::environment::Afar;
-use super::shade::alpha::alpha_passes;
-use super::shade::material::{Spot, base_color_at};
+use super::shade::alpha::{alpha_passes, alpha_threshold};
+use super::shade::material::{Spot, base_color_at, transmission_at};
 use super::shade::texture::Textures;
 use super::traverse::{Intersection, SurfacePoint, World, surface_point, transform_point};
 use super::triangle::triangle_point;
-use crate::shaders::{Frame, Instance, MATERIAL_BLEND, MATERIAL_DOUBLE_SIDED, MATERIAL_MASK, Material};
+use crate::shaders::{
+    Frame, Instance, MATERIAL_BLEND, MATERIAL_DOUBLE_SIDED, MATERIAL_MASK, MATERIAL_TRANSMITS, Material,
+};
 
 /// Roundoff of f32.
 pub const U: f64 = 1.0 / 16_777_216.0;
@@ -77,23 +79,47 @@ impl<'a> Stage<'a> {
         if !self.alpha || material.flags & (MATERIAL_MASK | MATERIAL_BLEND) == 0 {
             return true;
         }
+        let (object, cell, seed) = self.threshold(hit);
         let attributes = self.spot(hit.primitive, hit.u, hit.v).attributes();
         let alpha = base_color_at(material, &attributes, self.textures).w;
+        let passes = |alpha: f64, cell: f64| alpha_passes(material, alpha as f32, object, cell as f32, seed);
+        decided(alpha, cell, doubtful, passes)
+    }
+
+    /// The same for a shadow ray, which passes straight through what transmits.
+    pub fn shadow_hit(&self, hit: &Intersection, doubtful: &Cell<bool>) -> bool {
+        let material = self.material(hit.primitive);
+        if self.alpha && material.flags & MATERIAL_TRANSMITS != 0 {
+            let (object, cell, seed) = self.threshold(hit);
+            let attributes = self.spot(hit.primitive, hit.u, hit.v).attributes();
+            let part = transmission_at(material, &attributes, self.textures);
+            let stops = |part: f64, cell: f64| part as f32 <= alpha_threshold(object, cell as f32, !seed);
+            if !decided(part, cell, doubtful, stops) {
+                return false;
+            }
+        }
+        self.alpha_hit(hit, doubtful)
+    }
+
+    /// What the threshold of a point's alpha is a hash of: object space, size of a pixel there, seed.
+    fn threshold(&self, hit: &Intersection) -> ([f32; 3], f64, u32) {
         let corners = self.world.geometry.corners(hit.primitive).map(|p| p.to_array());
         let object = triangle_point(corners, hit.u, hit.v);
         let cell = footprint(self.frame, self.instance(hit.instance), object.into());
-        let seed = super::random::hash_combine(self.frame.alpha_seed, hit.instance);
-        let passes = |alpha: f64, cell: f64| alpha_passes(material, alpha as f32, object, cell as f32, seed);
-        let decided = passes(alpha, cell);
-        // Alpha is off by up to 40 U (a vertex colour, a texture, products; tests/shading_twin.rs), a footprint by two
-        // lengths of 12 U each and two products.
-        let varied = [passes(alpha - 40.0 * U, cell), passes(alpha + 40.0 * U, cell)];
-        let rescaled = [passes(alpha, cell * (1.0 - 32.0 * U)), passes(alpha, cell * (1.0 + 32.0 * U))];
-        if varied.into_iter().chain(rescaled).any(|v| v != decided) {
-            doubtful.set(true);
-        }
-        decided
+        (object, cell, super::random::hash_combine(self.frame.alpha_seed, hit.instance))
     }
+}
+
+/// Whether something is there, by its alpha and the size of its cell. Alpha is off by up to 40 U (a vertex colour, a texture,
+/// products; tests/shading_twin.rs), a footprint by two lengths of 12 U each and two products.
+fn decided(alpha: f64, cell: f64, doubtful: &Cell<bool>, passes: impl Fn(f64, f64) -> bool) -> bool {
+    let decided = passes(alpha, cell);
+    let varied = [passes(alpha - 40.0 * U, cell), passes(alpha + 40.0 * U, cell)];
+    let rescaled = [passes(alpha, cell * (1.0 - 32.0 * U)), passes(alpha, cell * (1.0 + 32.0 * U))];
+    if varied.into_iter().chain(rescaled).any(|v| v != decided) {
+        doubtful.set(true);
+    }
+    decided
 }
 
 /// A pixel's footprint at a point of an instance, in object space.

@@ -14,6 +14,7 @@
 //! | [`shadow`] | 4.3 | sample | found, geometry, lights, environment map | lit |
 //! | [`changes`] | | pixel | samples of both frames, lit, masks, plan | image |
 //! | [`shade`] | 4.3 | sample | found, lit, materials, lights, environment map | shaded |
+//! | [`bounce`]: `route`, `bounce`, `shadow`, `scatter`, a step each | paper 2, 3.3 and 3.5 | ray | paths, geometry, materials, lights | found, lit, shaded, paths |
 //! | [`reconstruct`] | 4.4 | pixel | shaded, offsets | film, motion |
 //! | [`resolve`] | | pixel | film | colour image |
 //! | [`temporal`], instead of `resolve` | 6 | pixel | film, motion, last picture | colour image, picture |
@@ -21,6 +22,7 @@
 
 pub mod analyze;
 pub mod aov;
+pub mod bounce;
 pub mod changes;
 pub mod fill;
 pub mod generate;
@@ -35,9 +37,9 @@ pub mod temporal;
 pub mod track;
 pub mod verify;
 
-use crate::Result;
 use crate::gpu::{Binder, Context, Pass, Pipeline, Range, Resource, Threads};
 use crate::shaders::Shader;
+use crate::{Error, Result};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -116,6 +118,8 @@ pub struct FrameResources {
     pub memory: Option<Memory>,
     /// What lens, time and lights are sampled by, if anything is.
     pub seeds: Option<SeedResources>,
+    /// Paths behind what the camera sees, if they go on.
+    pub paths: Option<PathResources>,
     /// Corners that triangles of deforming meshes had in the last frame, nine floats each, if there are any.
     pub previous_corners: Option<Range>,
     /// A word a subpixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
@@ -186,6 +190,21 @@ pub struct SeedResources {
     pub table: Range,
 }
 
+/// Secondary rays: one a sample, of the step that is being traced.
+#[derive(Debug, Clone, Copy)]
+pub struct PathResources {
+    /// Four words a sample: origin of its ray, camera-relative metres.
+    pub origins: Range,
+    /// Four words a sample: unit direction.
+    pub directions: Range,
+    /// Four words a sample: what the ray's radiance counts for, and what it is inside of.
+    pub weights: Range,
+    /// Samples with a ray, in this step and the next.
+    pub list: Range,
+    /// [`crate::shaders::PathCounters`] of each step.
+    pub counters: Range,
+}
+
 /// One image an AOV.
 #[derive(Debug, Clone, Copy)]
 pub struct AovResources {
@@ -234,6 +253,11 @@ pub struct SceneResources {
     pub srgb: Range,
     /// [`crate::scene::EnvironmentMap::table`].
     pub environment_map: Range,
+}
+
+/// What a model that is not whole gives.
+fn missing(what: &str) -> Error {
+    Error::Vulkan { during: format!("binding {what}"), result: ash::vk::Result::ERROR_UNKNOWN }
 }
 
 fn b(range: Range) -> Resource {

@@ -29,6 +29,11 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         seeds: f.seeds.map(|seeds| b(seeds.now)),
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
         environment_map: Some(b(s.environment_map)),
+        path_origins: f.paths.map(|paths| b(paths.origins)),
+        path_directions: f.paths.map(|paths| b(paths.directions)),
+        path_weights: f.paths.map(|paths| b(paths.weights)),
+        path_list: f.paths.map(|paths| b(paths.list)),
+        path_counters: f.paths.map(|paths| b(paths.counters)),
         previous_corners: f.previous_corners.map(b),
     };
     let shader = shader::modelling(kit.model());

@@ -158,7 +158,14 @@ fn material_record(material: &Material, scene: &Scene, atlas: &Atlas) -> shaders
         alpha_cutoff,
         flags: alpha_flags
             | flag(material.double_sided, shaders::MATERIAL_DOUBLE_SIDED)
-            | flag(material.unlit, shaders::MATERIAL_UNLIT),
+            | flag(material.unlit, shaders::MATERIAL_UNLIT)
+            | flag(material.transmits(), shaders::MATERIAL_TRANSMITS)
+            | flag(material.volume.is_some(), shaders::MATERIAL_SOLID),
+        index: material.ior,
+        exponent: material.exponent,
+        absorption: material.volume.unwrap_or_default().to_array(),
+        transmission: material.transmission,
+        transmission_texture: slot(&material.transmission_texture),
         dielectric: reflectance(material.ior),
         base_color_texture: slot(&material.base_color_texture),
         metallic_roughness_texture: slot(&material.metallic_roughness_texture),

@@ -209,6 +209,23 @@ pub struct Material {
     pub unlit: bool,
     /// `KHR_materials_ior`: index of refraction against air, 1 or more, or 0, which reflects everything.
     pub ior: f32,
+    /// `KHR_materials_transmission`: part of what enters it, where it is not metal, that passes through, 0..=1.
+    pub transmission: f32,
+    /// Scales it in red; linear.
+    pub transmission_texture: Option<TextureRef>,
+    /// `KHR_materials_volume`: what transmits is a body that refracts and absorbs this much (1/metre, at least 0); otherwise it is
+    /// a thin wall.
+    pub volume: Option<Vec3>,
+    /// Exponent of Phong's lobe (paper 2, section 3.3), 1 to 10⁶, which takes the place of the roughness's; 0: none.
+    pub exponent: f32,
+}
+
+impl Material {
+    /// Whether light passes through it somewhere.
+    #[must_use]
+    pub fn transmits(&self) -> bool {
+        self.transmission > 0.0 && self.metallic < 1.0
+    }
 }
 
 impl Default for Material {
@@ -230,6 +247,10 @@ impl Default for Material {
             double_sided: false,
             unlit: false,
             ior: 1.5,
+            transmission: 0.0,
+            transmission_texture: None,
+            volume: None,
+            exponent: 0.0,
         }
     }
 }

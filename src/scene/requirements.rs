@@ -60,6 +60,9 @@ pub struct Traits {
     /// around.
     #[serde(default = "yes")]
     pub distributed: bool,
+    /// Whether light passes through something.
+    #[serde(default = "yes")]
+    pub transmits: bool,
 }
 
 /// What a file of before says of what it did not know.
@@ -77,7 +80,9 @@ impl Traits {
             textures: !scene.textures.is_empty(),
             distributed: scene.cameras.iter().any(open)
                 || scene.lights.iter().any(wide)
-                || scene.environment_map.is_some(),
+                || scene.environment_map.is_some()
+                || scene.materials.iter().any(|m| m.transmits() || m.exponent > 0.0),
+            transmits: scene.materials.iter().any(Material::transmits),
         }
     }
 }
@@ -85,7 +90,7 @@ impl Traits {
 impl Default for Traits {
     /// Of a scene of which nothing is known: everything can make a difference.
     fn default() -> Self {
-        Self { lights: u32::MAX, textures: true, distributed: true }
+        Self { lights: u32::MAX, textures: true, distributed: true, transmits: true }
     }
 }
 
@@ -134,6 +139,12 @@ pub enum Feature {
     SecondUvSet,
     /// Textures that are not interpolated.
     NearestFilter,
+    /// Surfaces that light passes through.
+    Transmission,
+    /// Textures that say where it does.
+    TransmissionTexture,
+    /// Surfaces that reflect by Phong's lobe.
+    PhongLobe,
     /// Textures that are mirrored outside 0..1.
     MirrorWrap,
     /// Textures that end outside 0..1.
@@ -262,7 +273,10 @@ impl Found {
         self.note(material.alpha == AlphaMode::Blend, Feature::AlphaBlend, cause);
         self.note(!material.double_sided, Feature::SingleSided, cause);
         self.note(material.double_sided, Feature::DoubleSided, cause);
+        self.note(material.transmits(), Feature::Transmission, cause);
+        self.note(material.exponent > 0.0, Feature::PhongLobe, cause);
         let slots = [
+            (&material.transmission_texture, Feature::TransmissionTexture),
             (&material.base_color_texture, Feature::BaseColorTexture),
             (&material.metallic_roughness_texture, Feature::MetallicRoughnessTexture),
             (&material.normal_texture, Feature::NormalTexture),

@@ -52,6 +52,12 @@ pub struct Settings {
     pub tiling: Tiling,
     /// What the places of samples on lenses and lights belong to.
     pub hold: Hold,
+    /// Secondary rays of a path at most, 0 to 8.
+    pub path_depth: u32,
+    /// Surfaces of at most this perceptual roughness send reflection rays, 0 to 1; 0: only those do that transmit or have Phong's lobe.
+    pub gloss: f32,
+    /// Part of the paths that are reflected where light passes through too, 0.05 to 0.95 (P of paper 2, section 3.5).
+    pub path_part: f32,
     /// What is modelled.
     pub modelling: Modelling,
     /// 32-bit float output instead of 16-bit.
@@ -82,6 +88,9 @@ impl Default for Settings {
             sampler: Strategy::Sobol,
             tiling: Tiling::Sudoku,
             hold: Hold::Sample,
+            path_depth: 3,
+            gloss: 0.0,
+            path_part: 0.25,
             modelling: Modelling::Required,
             float_output: false,
             aovs: Vec::new(),

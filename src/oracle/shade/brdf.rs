@@ -7,6 +7,8 @@ use std::f64::consts::PI;
 pub const ALPHA_MIN: f64 = 1.0 / 1024.0;
 /// Least cosine between normal and view.
 pub const COSINE_MIN: f64 = 1.0 / 4096.0;
+/// What [`lobe_albedo`] is off by at most.
+pub const ALBEDO_ERROR: f64 = 0.018;
 const HALF_VECTOR_MIN: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// What of a surface the BRDF depends on.

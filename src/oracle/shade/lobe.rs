@@ -1,7 +1,7 @@
 //! Where a path goes on at a surface. Twin of `glsl/include/lobe.glsl`, in f64, with bounds on what a device's f32 may be off
 //! by; `U` is f32's unit roundoff.
 
-use super::brdf::{COSINE_MIN, Reflector, lobe_albedo};
+use super::brdf::{ALBEDO_ERROR, COSINE_MIN, Reflector, lobe_albedo};
 use crate::oracle::stage::U;
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -80,9 +80,9 @@ pub fn unshadowed(cosine_in: f64, cosine_out: f64, a2: f64) -> f64 {
     cosine_out * (root_in + cosine_in) / (root_in * cosine_out + root_out * cosine_in).max(f64::MIN_POSITIVE)
 }
 
-/// What single scattering loses, put back.
+/// What single scattering loses, put back but for what the albedo may be off by.
 pub fn lobe_gain(f0: DVec3, cosine: f64, roughness: f64) -> DVec3 {
-    let lost = 1.0 - lobe_albedo(cosine, roughness)[0];
+    let lost = (1.0 - ALBEDO_ERROR - lobe_albedo(cosine, roughness)[0]).max(0.0);
     let average = f0 + (1.0 - f0) / 21.0;
     1.0 + average * lost / (1.0 - average * lost)
 }

@@ -79,6 +79,12 @@ fn sample(slot: &TextureSlot, at: &Attributes, textures: &Textures, is_srgb: boo
     if slot.texel_size == 0 { DVec4::ONE } else { textures.sample(slot, at.uv0, at.uv1, is_srgb) }
 }
 
+/// Part of what enters that passes through, 0..=1.
+pub fn transmission_at(material: &Material, at: &Attributes, textures: &Textures) -> f64 {
+    let part = f64::from(material.transmission * (1.0 - material.metallic.clamp(0.0, 1.0)));
+    part * sample(&material.transmission_texture, at, textures, false).x.clamp(0.0, 1.0)
+}
+
 fn unit_or(v: DVec3, otherwise: DVec3) -> DVec3 {
     let size = v.abs().max_element();
     // f32's range, since that is where the shader decides.
@@ -147,7 +153,7 @@ pub fn surface_at(
             metallic: (f64::from(material.metallic) * mr.z).clamp(0.0, 1.0),
             roughness: (f64::from(material.roughness) * mr.y).clamp(0.0, 1.0),
             dielectric: f64::from(material.dielectric),
-            opaque: 1.0,
+            opaque: 1.0 - transmission_at(material, &at, textures),
         },
         alpha: if material.flags & (MATERIAL_MASK | MATERIAL_BLEND) != 0 { base.w } else { 1.0 },
         emissive: Vec3::from(material.emissive).as_dvec3() * emitted,

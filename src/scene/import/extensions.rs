@@ -9,11 +9,13 @@ use super::document::{Document, label};
 use crate::{Error, Result};
 
 /// What a file may require.
-const SUPPORTED: [&str; 6] = [
+const SUPPORTED: [&str; 8] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];

@@ -1,7 +1,8 @@
-//! What glTF has no words for: `extras.stillray` of cameras, punctual lights and scenes.
+//! What glTF has no words for: `extras.stillray` of cameras, materials, punctual lights and scenes.
 //!
 //! ```json
 //! "cameras": [{ ..., "extras": { "stillray": { "aperture": 0.05, "focus": 4.0, "blades": 6 } } }]
+//! "materials": [{ ..., "extras": { "stillray": { "exponent": 2048 } } }]
 //! "lights": [{ ..., "extras": { "stillray": { "shape": "rectangle", "width": 1.2, "height": 0.6 } } }]
 //! "scenes": [{ ..., "extras": { "stillray": { "environment": { "file": "sky.exr", "scale": 1.0, "turn": 90 } } } }]
 //! ```
@@ -26,6 +27,14 @@ pub(super) fn lens(document: &Document, camera: usize) -> Result<Lens> {
     let is_blades = |n: f64| n == 0.0 || (n.fract() == 0.0 && (3.0..=16.0).contains(&n));
     let blades = extras.number("blades", "0 or a whole number from 3 to 16", is_blades)?.unwrap_or(0.0);
     Ok(Lens { aperture, focus, blades: blades as u32 })
+}
+
+/// Exponent of a material's Phong lobe; 0 if it has none.
+pub(super) fn exponent(document: &Document, material: usize) -> Result<f32> {
+    let Some(extras) = Extras::of(document, &["materials"], material)? else { return Ok(0.0) };
+    extras.only(&["exponent"])?;
+    let exponent = extras.number("exponent", "from 1 to 1000000", |n| (1.0..=1e6).contains(&n))?;
+    Ok(exponent.unwrap_or(0.0) as f32)
 }
 
 /// The extent of a punctual light.

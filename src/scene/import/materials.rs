@@ -10,7 +10,7 @@ use json::texture::{MagFilter, WrappingMode};
 use serde_json::{Map, Value};
 
 use super::document::{Document, label, name_or};
-use super::images;
+use super::{dielectric, extras, images};
 use crate::Result;
 use crate::scene::{AlphaMode, Material, Scene, Texture, TextureRef, Wrap};
 
@@ -118,11 +118,10 @@ impl<'a> Table<'a> {
             unlit: extensions.is_some_and(|e| e.unlit.is_some()),
             ..Material::default()
         };
-        if let Some(ior) = extensions.and_then(|e| e.ior.as_ref()).map(|ior| ior.ior.0) {
-            let known = (ior >= 1.0 && ior.is_finite()) || ior == 0.0;
-            let bad = || document.bad(format!("{place} has the index of refraction {ior}; expected 1 or more, or 0"));
-            material.ior = if known { ior } else { return Err(bad()) };
+        if let Some(extensions) = extensions {
+            dielectric::import(document, extensions, place, &mut material)?;
         }
+        material.exponent = extras::exponent(document, index)?;
         if let Some(normal) = &source.normal_texture {
             material.normal_scale = normal.scale;
         }
@@ -157,6 +156,12 @@ impl<'a> Table<'a> {
                 let used = Use { index: info.index.value(), tex_coord: info.tex_coord, transform, slot };
                 *out = Some(self.texture_ref(&used, place)?);
             }
+        }
+        let transmission = source.extensions.as_ref().and_then(|e| e.transmission.as_ref());
+        if let Some(info) = transmission.and_then(|t| t.transmission_texture.as_ref()) {
+            let transform = info.extensions.as_ref().and_then(|e| e.texture_transform.clone());
+            let used = Use { index: info.index.value(), tex_coord: info.tex_coord, transform, slot: "transmission" };
+            material.transmission_texture = Some(self.texture_ref(&used, place)?);
         }
         if let Some(info) = &source.normal_texture {
             let transform = self.transform(info.extensions.as_ref().map(|e| &e.others), place)?;
@@ -236,13 +241,14 @@ impl<'a> Table<'a> {
 }
 
 /// The texture slots of a material, by name.
-fn slots(material: &mut Material) -> [(&'static str, &mut Option<TextureRef>); 5] {
+fn slots(material: &mut Material) -> [(&'static str, &mut Option<TextureRef>); 6] {
     [
         ("base colour", &mut material.base_color_texture),
         ("metallic-roughness", &mut material.metallic_roughness_texture),
         ("normal", &mut material.normal_texture),
         ("occlusion", &mut material.occlusion_texture),
         ("emissive", &mut material.emissive_texture),
+        ("transmission", &mut material.transmission_texture),
     ]
 }
 

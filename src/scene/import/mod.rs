@@ -8,6 +8,7 @@ mod accessor;
 mod animation;
 mod container;
 mod defaults;
+mod dielectric;
 mod document;
 mod environment;
 mod extensions;

@@ -1,0 +1,118 @@
+// The radiance of what a ray has found, from light that comes straight from lights. Needs the bindings frame, instances, corners, rest,
+// triangles, vertices, materials, atlas, srgb and lights, with AREA or ENVIRONMENT also sampler_table, with ENVIRONMENT
+// environment_map. Twin: src/oracle/shade/kernel.rs.
+
+#ifndef STILLRAY_RADIANCE
+#define STILLRAY_RADIANCE
+
+#include "brdf.glsl"
+#include "choice.glsl"
+#ifdef ENVIRONMENT
+#include "environment.glsl"
+#endif
+#include "light.glsl"
+#ifdef PATH
+#include "lobe.glsl"
+#endif
+#include "material.glsl"
+#include "place.glsl"
+#include "triangle.glsl"
+
+// A point of a surface, seen from somewhere.
+struct Seen {
+    SurfacePoint point;
+    Surface surface;
+    vec3 view;      // unit vector to the viewer
+    uint material;
+};
+
+SurfacePoint point_of(Found f, Instance inst) {
+    vec3 a;
+    vec3 b;
+    vec3 c;
+    uint p = f.primitive;
+    unpack_corners(corners.data[2u * p], corners.data[2u * p + 1u], rest.data[p], a, b, c);
+    return surface_point(inst.to_relative, inst.to_object, a, b, c, f.u, f.v);
+}
+
+// What was found, from a viewer at a camera-relative point.
+Seen seen_from(vec3 viewer, Found f) {
+    Instance inst = instances.data[f.instance];
+    Triangle corner = triangles.data[f.primitive];
+    Seen seen;
+    seen.material = corner.material;
+    seen.point = point_of(f, inst);
+    seen.view = unit_or(viewer - seen.point.position, seen.point.normal);
+    seen.surface = surface_at(materials.data[corner.material], inst, vertices.data[corner.vertex0],
+        vertices.data[corner.vertex1], vertices.data[corner.vertex2], f.u, f.v, seen.point.normal, seen.view);
+    return seen;
+}
+
+Reflected from_light(Seen seen, vec3 light) {
+#ifdef PATH
+    if (seen.surface.exponent > 0.0) {
+        return phong_light(seen.surface.reflector, seen.surface.exponent, seen.surface.normal, seen.view, light);
+    }
+#endif
+    return reflect_light(seen.surface.reflector, seen.surface.normal, seen.view, light);
+}
+
+Reflected from_everywhere(Seen seen) {
+#ifdef PATH
+    if (seen.surface.exponent > 0.0) {
+        return phong_uniform(seen.surface.reflector, seen.surface.normal, seen.view);
+    }
+#endif
+    return reflect_uniform(seen.surface.reflector, seen.surface.normal, seen.view);
+}
+
+// What a part of the reflected light counts for where a ray brings what the lobe reflects of the surroundings.
+vec3 but_for_rays(Reflected part, bool rays) {
+    return rays ? part.diffuse : both(part);
+}
+
+// What comes from nowhere in particular: light from all around, in a direction of any length.
+vec3 sky_radiance(vec3 direction) {
+    vec3 radiance = frame.data.environment.rgb;
+#ifdef ENVIRONMENT
+    if (has_environment_map()) {
+        radiance += environment_radiance(direction);
+    }
+#endif
+    return radiance;
+}
+
+// Towards the viewer; `lit_bits` are the lights that reach it, `rays` says that its lobe is followed by a ray.
+vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays) {
+    Surface s = seen.surface;
+    if (s.unlit) {
+        return s.reflector.base_color;
+    }
+    vec3 ambient = but_for_rays(from_everywhere(seen), rays);
+    vec3 radiance = s.emissive + ambient * frame.data.environment.rgb * s.occlusion;
+    float weight = light_weight(frame.data.light_count, frame.data.shadow_rays);
+#ifdef AREA
+    vec2 at = seed_pair(seed, PAIR_LIGHT);
+#endif
+    for (uint i = 0u; i < frame.data.light_count; ++i) {
+        if ((lit_bits >> i & 1u) != 0u) {
+#ifdef AREA
+            Incident incident = light_at(light_point(lights.data[i], at), seen.point.position);
+#else
+            Incident incident = light_at(lights.data[i], seen.point.position);
+#endif
+            vec3 part = both(from_light(seen, incident.direction));
+            radiance += part * (incident.irradiance * weight);
+        }
+    }
+#ifdef ENVIRONMENT
+    if (has_environment_map() && (lit_bits >> ENVIRONMENT_LIGHT & 1u) != 0u) {
+        FromAfar sky = environment_sample(seed_bits(seed, PAIR_ENVIRONMENT));
+        vec3 part = but_for_rays(from_light(seen, sky.direction), rays);
+        radiance += part * min(sky.irradiance, vec3(IRRADIANCE_MAX));
+    }
+#endif
+    return radiance;
+}
+
+#endif

@@ -1,0 +1,20 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// How many secondary rays a step has: the arguments of its dispatches. One thread.
+#include "types.glsl"
+
+layout(local_size_x = 1) in;
+layout(set = 0, binding = 0, std430) buffer PathCountersBlock { PathCounters data[]; } path_counters;
+layout(set = 0, binding = 1, std430) buffer CountersBlock { Counters data; } counters;
+layout(push_constant) uniform Push { uint step; } push;
+
+void main() {
+    uint reflected = path_counters.data[push.step].reflected;
+    uint refracted = path_counters.data[push.step].refracted;
+    uint groups = (reflected + refracted + 63u) / 64u;
+    path_counters.data[push.step].trace_x = min(groups, 32768u);
+    path_counters.data[push.step].trace_y = (groups + 32767u) / 32768u;
+    path_counters.data[push.step].trace_z = 1u;
+    counters.data.reflection_rays += reflected;
+    counters.data.refraction_rays += refracted;
+}

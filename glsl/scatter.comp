@@ -1,0 +1,67 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Adds the radiance of what the secondary rays of a step have found, and sends their paths on.
+//
+#define PATH
+#define AREA
+#define ENVIRONMENT
+#include "types.glsl"
+
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, std430) readonly buffer FrameBlock { Frame data; } frame;
+layout(set = 0, binding = 1, std430) readonly buffer Instances { Instance data[]; } instances;
+layout(set = 0, binding = 2, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
+layout(set = 0, binding = 3, std430) readonly buffer Rest { float data[]; } rest;
+layout(set = 0, binding = 4, std430) readonly buffer Triangles { Triangle data[]; } triangles;
+layout(set = 0, binding = 5, std430) readonly buffer Vertices { Vertex data[]; } vertices;
+layout(set = 0, binding = 6, std430) readonly buffer Materials { Material data[]; } materials;
+layout(set = 0, binding = 7) uniform sampler2DArray atlas;
+layout(set = 0, binding = 8, std430) readonly buffer Srgb { float data[256]; } srgb;
+layout(set = 0, binding = 9, std430) readonly buffer Lights { Light data[]; } lights;
+layout(set = 0, binding = 10, std430) readonly buffer FoundBlock { Found data[]; } found;
+layout(set = 0, binding = 11, std430) readonly buffer Lit { uint data[]; } lit;
+layout(set = 0, binding = 12, std430) buffer ShadedBlock { Shaded data[]; } shaded;
+layout(set = 0, binding = 13, std430) readonly buffer Seeds { uint data[]; } seeds;
+layout(set = 0, binding = 14, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+layout(set = 0, binding = 15, std430) readonly buffer EnvironmentMap { uint data[]; } environment_map;
+layout(set = 0, binding = 16, std430) buffer PathOrigins { uvec4 data[]; } path_origins;
+layout(set = 0, binding = 17, std430) buffer PathDirections { uvec4 data[]; } path_directions;
+layout(set = 0, binding = 18, std430) buffer PathWeights { uvec4 data[]; } path_weights;
+layout(set = 0, binding = 19, std430) buffer PathList { uint data[]; } path_list;
+layout(set = 0, binding = 20, std430) buffer PathCountersBlock { PathCounters data[]; } path_counters;
+layout(push_constant) uniform Push { uint step; } push;
+
+#define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
+#include "filter.glsl"
+#include "path.glsl"
+#include "path_list.glsl"
+
+// What a ray brings, and where its path goes on.
+uint follow(uint slot, out vec3 radiance) {
+    Found f = found.data[slot];
+    uvec4 state = path_weights.data[slot];
+    vec3 throughput = uintBitsToFloat(state.xyz);
+    if (f.instance == SKY_INSTANCE) {
+        radiance = throughput * sky_radiance(uintBitsToFloat(path_directions.data[slot].xyz));
+        return PATH_ENDS;
+    }
+    vec3 origin = uintBitsToFloat(path_origins.data[slot].xyz);
+    Seen seen = seen_from(origin, f);
+    throughput *= transmittance(state.w, length(seen.point.position - origin));
+    uint seed = path_seed(seeds.data[slot], push.step + 1u);
+    bool rays = is_followed(seen.surface);
+    radiance = throughput * radiance_of(seen, seed, lit.data[slot], rays);
+    return rays ? follow_path(seen, slot, seed, push.step + 1u, throughput, state.w, radiance) : PATH_ENDS;
+}
+
+void main() {
+    uint slot = listed_path(push.step, dense_index());
+    uint kind = PATH_ENDS;
+    if (slot != NO_PATH) {
+        vec3 radiance;
+        kind = follow(slot, radiance);
+        Shaded s = shaded.data[slot];
+        shaded.data[slot] = with_color(s, shaded_color(s) + radiance);
+    }
+    list_path(gl_LocalInvocationIndex, kind, push.step + 1u, slot);
+}
