@@ -516,7 +516,7 @@ struct ScatterAnswer {
 fn scatter_question(s: &mut Stream, i: usize) -> ScatterQuestion {
     let normal = s.direction();
     // At the ends of its range a draw lies at the end of the lobe, where nothing bounds its error but that it is finite.
-    let most = if i % 16 == 0 { 0.99999994 } else { 0.9 };
+    let most = if i.is_multiple_of(16) { 0.99999994 } else { 0.9 };
     ScatterQuestion {
         base_color: s.vector(0.0, 1.0).to_array(),
         metallic: [0.0, 0.0, 1.0, s.range(0.0, 1.0)][i % 4],

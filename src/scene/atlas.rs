@@ -172,7 +172,6 @@ fn material_record(material: &Material, scene: &Scene, atlas: &Atlas) -> shaders
         normal_texture: slot(&material.normal_texture),
         occlusion_texture: slot(&material.occlusion_texture),
         emissive_texture: slot(&material.emissive_texture),
-        ..Default::default()
     }
 }
 

@@ -196,7 +196,8 @@ pub fn scatter(s: &Scatterer, [normal, geometric]: [DVec3; 2], view: DVec3, u: [
     let (height, over) = (to.value.z * side, direction.dot(geometric) * side);
     let critical = facet.through > 0.0 && facet.behind2.abs() <= 4.0 * facet.cosine.error * (1.0 + s.index * s.index);
     let doubtful = critical || height.abs() <= 2.0 * direction_error || over.abs() <= 2.0 * direction_error;
-    if !doubtful && !(height > 0.0 && over > 0.0) {
+    let beyond = height <= 0.0 || over <= 0.0;
+    if beyond && !doubtful {
         return None;
     }
     let alpha = s.reflector.roughness * s.reflector.roughness;
