@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // The radiance of every visible sample towards the camera.
 //
-// models: LENS AREA DEFORM ENVIRONMENT
+// models: LENS AREA DEFORM ENVIRONMENT MEDIUM
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -28,6 +28,9 @@ layout(set = 0, binding = 16, std430) readonly buffer SamplerTable { uint data[]
 #ifdef ENVIRONMENT
 layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data[]; } environment_map;
 #endif
+#ifdef MEDIUM
+layout(set = 0, binding = 24, std430) readonly buffer MediumBlock { Medium data; } medium;
+#endif
 
 #define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
 #ifdef DEFORM
@@ -40,6 +43,9 @@ layout(set = 0, binding = 17, std430) readonly buffer PreviousCorners { float da
 #endif
 #include "light.glsl"
 #include "material.glsl"
+#ifdef MEDIUM
+#include "medium.glsl"
+#endif
 #include "place.glsl"
 #include "triangle.glsl"
 
@@ -82,6 +88,12 @@ vec3 surface_radiance(Found f, uint slot, uint lit_bits) {
 #else
             Incident incident = light_at(lights.data[i], point.position);
 #endif
+#ifdef MEDIUM
+            if (medium.data.kind != MEDIUM_NONE) {
+                incident.irradiance *=
+                    light_transmittance(medium.data, point.position, incident.direction, incident.distance);
+            }
+#endif
             vec3 part = reflect_light(s.base_color, s.metallic, s.roughness, s.normal, view, incident.direction);
             radiance += part * (incident.irradiance * weight);
         }
@@ -89,6 +101,11 @@ vec3 surface_radiance(Found f, uint slot, uint lit_bits) {
 #ifdef ENVIRONMENT
     if (has_environment_map() && (lit_bits >> ENVIRONMENT_LIGHT & 1u) != 0u) {
         FromAfar sky = environment_sample(seed_bits(seeds.data[slot], PAIR_ENVIRONMENT));
+#ifdef MEDIUM
+        if (medium.data.kind != MEDIUM_NONE) {
+            sky.irradiance *= light_transmittance(medium.data, point.position, sky.direction, uintBitsToFloat(INFINITY_BITS));
+        }
+#endif
         vec3 part = reflect_light(s.base_color, s.metallic, s.roughness, s.normal, view, sky.direction);
         radiance += part * min(sky.irradiance, vec3(IRRADIANCE_MAX));
     }

@@ -38,6 +38,7 @@ pub struct FrameBuffers {
     instances: Buffer,
     lights: Buffer,
     previous_corners: Option<Buffer>,
+    medium: Option<Buffer>,
     /// The frame.
     pub color: Image,
     /// All of [`Aov::ALL`], or none.
@@ -95,6 +96,7 @@ impl FrameBuffers {
             previous_corners: deforming
                 .map(|triangles| make("previous corners", 36 * triangles.max(1) as u64))
                 .transpose()?,
+            medium: if storage.medium > 0 { Some(make("medium", storage.medium)?) } else { None },
             color: color_image(context, settings)?,
             aovs: aov_images(context, settings)?,
         };
@@ -130,6 +132,7 @@ impl FrameBuffers {
             memory: self.memory(slot),
             seeds: self.seeds(slot),
             previous_corners: self.previous_corners.as_ref().map(|b| Range::whole("previous corners", b)),
+            medium: self.medium.as_ref().map(|b| Range::whole("medium", b)),
             claims: shared("claims", 0, s.claims),
             masks: Range::whole("masks", &self.masks),
             plan: Range::whole("plan", &self.plan),

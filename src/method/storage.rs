@@ -21,7 +21,7 @@
 use crate::Result;
 use crate::gpu::buffer::within;
 use crate::settings::{Precision, Sampling, Settings, Temporal};
-use crate::shaders::{Found, MODEL_AGE, MODEL_SEED, MODEL_SOURCE, Sample, Shaded, Tracked};
+use crate::shaders::{Found, MODEL_AGE, MODEL_MEDIUM, MODEL_SEED, MODEL_SOURCE, Medium, Sample, Shaded, Tracked};
 
 /// Sizes in bytes of everything that belongs to a renderer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,6 +46,8 @@ pub struct Storage {
     pub memory: u64,
     /// Seeds of one cache, 0 if samples have none.
     pub seeds: u64,
+    /// Constants of the medium, 0 if there is none.
+    pub medium: u64,
     /// Claims, 0 if samples are not reprojected.
     pub claims: u64,
     /// Masks, and as much again for the plan; 0 if samples are not reprojected.
@@ -113,6 +115,7 @@ impl Storage {
             ages: if model & MODEL_AGE != 0 { capacity * 4 } else { 0 },
             memory: if model & MODEL_SOURCE != 0 { capacity * 4 } else { 0 },
             seeds: if model & MODEL_SEED != 0 { capacity * 4 } else { 0 },
+            medium: if model & MODEL_MEDIUM != 0 { size_of::<Medium>() as u64 } else { 0 },
             claims,
             masks: if stable { pixels * 4 } else { 0 },
             tile_sums: if stable { tiles * 4 } else { 0 },

@@ -14,6 +14,7 @@
 //! | [`shadow`] | 4.3 | sample | found, geometry, lights, environment map | lit |
 //! | [`changes`] | | pixel | samples of both frames, lit, masks, plan | image |
 //! | [`shade`] | 4.3 | sample | found, lit, materials, lights, environment map | shaded |
+//! | [`medium`], with fog or mist | paper 2, 3.6 | pixel | shaded, offsets, geometry, lights, medium | shaded |
 //! | [`reconstruct`] | 4.4 | pixel | shaded, offsets | film, motion |
 //! | [`resolve`] | | pixel | film | colour image |
 //! | [`temporal`], instead of `resolve` | 6 | pixel | film, motion, last picture | colour image, picture |
@@ -25,6 +26,7 @@ pub mod changes;
 pub mod fill;
 pub mod generate;
 pub mod list;
+pub mod medium;
 pub mod reconstruct;
 pub mod reproject;
 pub mod resolve;
@@ -118,6 +120,8 @@ pub struct FrameResources {
     pub seeds: Option<SeedResources>,
     /// Corners that triangles of deforming meshes had in the last frame, nine floats each, if there are any.
     pub previous_corners: Option<Range>,
+    /// [`crate::shaders::Medium`], if that is modelled.
+    pub medium: Option<Range>,
     /// A word a subpixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
     pub claims: Range,
     /// Two floats a pixel, with point tracking: where the ray of each pixel goes, in pixels.
@@ -234,6 +238,8 @@ pub struct SceneResources {
     pub srgb: Range,
     /// [`crate::scene::EnvironmentMap::table`].
     pub environment_map: Range,
+    /// [`crate::scene::medium::noise`].
+    pub medium_noise: Range,
 }
 
 fn b(range: Range) -> Resource {

@@ -30,6 +30,7 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
         environment_map: Some(b(s.environment_map)),
         previous_corners: f.previous_corners.map(b),
+        medium: f.medium.map(b),
     };
     let shader = shader::modelling(kit.model());
     kit.dispatch("shade", shader, &bindings.of(shader), &[], f.dense())

@@ -52,6 +52,8 @@ pub struct Settings {
     pub tiling: Tiling,
     /// What the places of samples on lenses and lights belong to.
     pub hold: Hold,
+    /// Steps of a march through fog or mist, 1 to 256.
+    pub medium_steps: u32,
     /// What is modelled.
     pub modelling: Modelling,
     /// 32-bit float output instead of 16-bit.
@@ -82,6 +84,7 @@ impl Default for Settings {
             sampler: Strategy::Sobol,
             tiling: Tiling::Sudoku,
             hold: Hold::Sample,
+            medium_steps: 32,
             modelling: Modelling::Required,
             float_output: false,
             aovs: Vec::new(),

@@ -207,7 +207,8 @@ mod tests {
 
     #[test]
     fn what_makes_no_difference_in_the_scene_is_not_tried() {
-        let plain = Space { scene: Traits { lights: 1, textures: false, distributed: false }, ..space(&[]) };
+        let plain =
+            Space { scene: Traits { lights: 1, textures: false, distributed: false, medium: false }, ..space(&[]) };
         let values = |space: &Space, name: &str| {
             let found = space.candidates(400, 1);
             let words = found.iter().map(|c| Knob::find(name).unwrap().get(&c.settings).to_string());
@@ -217,7 +218,7 @@ mod tests {
         assert_eq!([values(&space(&[]), "texture.filter"), values(&space(&[]), "shadow.rays")], [2, 5]);
         assert_eq!(
             values(
-                &Space { scene: Traits { lights: 3, textures: true, distributed: true }, ..space(&[]) },
+                &Space { scene: Traits { lights: 3, textures: true, distributed: true, medium: true }, ..space(&[]) },
                 "shadow.rays"
             ),
             4
