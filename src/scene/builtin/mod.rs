@@ -38,10 +38,7 @@ pub const NAMES: &[(&str, &str)] = &[
         "skylight",
         "a yard under sky and sun (?turbidity=17..100, in tenths, &azimuth=0..359, &elevation=0..90, of the sun in degrees)",
     ),
-    (
-        "mist",
-        "posts in the way of a low sun, over a layer of mist that drifts (?density=0..100, in tenths of the usual)",
-    ),
+    ("mist", "trees in the way of a low sun, in a layer of mist that drifts (?density=0..100, in tenths of the usual)"),
     ("furnace", "white balls in white light, of which nothing may show (?albedo=0..100, per cent)"),
     ("strands", "flat unlit strands 0.3 to 1 pixel wide whose exact coverage is known (?count=1..64)"),
 ];
