@@ -69,6 +69,30 @@ fn fog_takes_away_what_beer_and_lambert_say() {
     }
 }
 
+/// A lamp at the camera lights a wall there and back through the fog; parallel light only comes back through it.
+#[test]
+fn direct_light_is_attenuated_on_its_way() {
+    let (distance, extinction) = (6.0, 0.15);
+    let chalk = || {
+        let m = material(Vec3::splat(0.8).extend(1.0), 0.0, 1.0);
+        Build::new(0.0).square(m, trs(DVec3::NEG_Z * distance, DQuat::IDENTITY, 60.0))
+    };
+    for (kind, ways) in [(LightKind::Point, 2.0), (LightKind::Directional, 1.0)] {
+        let scene = chalk().light(kind, DVec3::ZERO, DVec3::NEG_Z, 40.0).camera(&ahead());
+        let look = |medium| render(Scene { medium, ..scene.clone() }, &settings(Method::Supersample), ahead(), 1);
+        let [foggy, clear] = [Some(fog(0.0, extinction, 0.0)), None].map(look);
+        for ((at, left), (_, all)) in reds(&foggy).zip(reds(&clear)) {
+            let [near, far] = depths(at, distance);
+            let fits = |ways: f64| {
+                let [low, high] = [far, near].map(|d| (-f64::from(extinction) * ways * d).exp());
+                left >= all * low * (1.0 - HALVES) && left <= all * high * (1.0 + HALVES)
+            };
+            assert!(fits(ways), "{kind:?}: {left} of {all}");
+            assert!(!fits(3.0 - ways), "negative control");
+        }
+    }
+}
+
 /// Single scattering of parallel light: sigma_s * phase * E * (1 - exp(-sigma_t d)) / sigma_t. To the sky all of it.
 #[test]
 fn fog_scatters_what_the_closed_form_says() {
