@@ -1,7 +1,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Adds the radiance of what the secondary rays of a step have found, and sends their paths on.
+// Adds the radiance of what the secondary rays of a step have found, and sends their paths on. Fog and mist take from the light
+// that surfaces get, but are not marched along these rays.
 //
+// models: MEDIUM
 #define PATH
 #define AREA
 #define ENVIRONMENT
@@ -29,6 +31,9 @@ layout(set = 0, binding = 17, std430) buffer PathDirections { uvec4 data[]; } pa
 layout(set = 0, binding = 18, std430) buffer PathWeights { uvec4 data[]; } path_weights;
 layout(set = 0, binding = 19, std430) buffer PathList { uint data[]; } path_list;
 layout(set = 0, binding = 20, std430) buffer PathCountersBlock { PathCounters data[]; } path_counters;
+#ifdef MEDIUM
+layout(set = 0, binding = 21, std430) readonly buffer MediumBlock { Medium data; } medium;
+#endif
 layout(push_constant) uniform Push { uint step; } push;
 
 #define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)

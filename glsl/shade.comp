@@ -4,7 +4,7 @@
 //
 // Where paths go on, it also says where: the first of their rays.
 //
-// models: LENS AREA DEFORM ENVIRONMENT PATH
+// models: LENS AREA DEFORM ENVIRONMENT PATH MEDIUM
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -36,6 +36,9 @@ layout(set = 0, binding = 23, std430) buffer PathCountersBlock { PathCounters da
 #endif
 #ifdef ENVIRONMENT
 layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data[]; } environment_map;
+#endif
+#ifdef MEDIUM
+layout(set = 0, binding = 24, std430) readonly buffer MediumBlock { Medium data; } medium;
 #endif
 
 #define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)

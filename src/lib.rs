@@ -32,7 +32,7 @@
 //! What the host says of a frame ([`FrameInputs`]: camera, placed instances, shapes, lights) goes through a mapped ring to the device,
 //! then
 //!
-//! `reproject → list (scan, gather) → verify → analyze → fill → shadow → shade → reconstruct → resolve → aov`
+//! `reproject → list (scan, gather) → verify → analyze → fill → shadow → shade → medium → reconstruct → resolve → aov`
 //!
 //! with the paper's order (`reproject → analyze → list → verify → retain`) where `filter.fill` is `none`, `temporal` in place of `resolve` where frames are integrated or averaged, and the counters come back. [`phase`] has
 //! the table of what each reads and writes, [`gpu::pass`] the policy by which barriers follow from that; `renderer.plan()` is

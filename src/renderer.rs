@@ -329,6 +329,9 @@ impl Renderer {
                 return wrong("pose", format!("{what} {index}"), "finite transforms only".to_owned());
             }
         }
+        if !pose.drift.is_finite() {
+            return wrong("pose.drift", pose.drift.to_string(), "a finite number of metres along each axis".to_owned());
+        }
         if inputs.view.lens.is_open() && !self.frames.model.has(shaders::MODEL_LENS) {
             let expected = "a pinhole, since no camera of the scene has an aperture; or model = all".to_owned();
             return wrong("view.lens", format!("{:?}", inputs.view.lens), expected);
@@ -357,9 +360,9 @@ impl Renderer {
         let taken = self.last.take();
         let before = self.motion_origin(inputs, taken.as_ref());
         let last = taken.filter(|_| !inputs.reset);
-        let still = last
-            .as_ref()
-            .map_or(0, |l| if l.view == inputs.view && l.pose == *inputs.pose { l.still.saturating_add(1) } else { 0 });
+        let still = last.as_ref().map_or(0, |l| {
+            if l.view == inputs.view && l.pose.stands_like(inputs.pose) { l.still.saturating_add(1) } else { 0 }
+        });
         let frame = last.as_ref().map_or(0, |l| l.frame.wrapping_add(1));
         let moment = Moment {
             view: inputs.view,
@@ -417,6 +420,9 @@ impl Renderer {
             placed.map(|(light, pose)| constants::light(light, pose, inputs.view.position)).collect();
         self.frames.ring.write_frame(slot, &frame);
         self.frames.ring.write_lights(slot, &lights);
+        let medium = self.scene.medium.map(|m| m.record(inputs.view.position, inputs.pose.drift, self.scene.ambient));
+        let steps = self.settings.medium_steps;
+        self.frames.ring.write_medium(slot, &shaders::Medium { steps, ..medium.unwrap_or_default() });
     }
 }
 

@@ -7,10 +7,12 @@ use crate::gpu::{Buffer, Context, Image, ImageDesc, Range, Resource};
 use crate::phase::SceneResources;
 use crate::progress::Progress;
 use crate::scene::atlas::{self, Atlas};
+use crate::scene::medium::{self, Medium};
 use crate::scene::requirements::{self, Requirements};
 use crate::scene::{Environment, EnvironmentMap, Light, Scene};
 use crate::{Error, Result};
 use ash::vk;
+use glam::Vec3;
 
 /// Most lights of a scene: a shaded sample keeps one bit for each. Where there is a map of light from all around, one of the bits
 /// is for that.
@@ -22,6 +24,9 @@ pub struct ResidentScene {
     pub(crate) geometry: Geometry,
     pub(crate) lights: Vec<Light>,
     pub(crate) environment: Environment,
+    pub(crate) medium: Option<Medium>,
+    /// Mean radiance from all around.
+    pub(crate) ambient: Vec3,
     pub(crate) requirements: Requirements,
     pub(crate) deformables: Vec<Deformable>,
     nodes: Buffer,
@@ -32,6 +37,7 @@ pub struct ResidentScene {
     materials: Buffer,
     srgb: Buffer,
     environment_map: Buffer,
+    medium_noise: Buffer,
     atlas: Image,
     sampler: Sampler,
 }
@@ -44,9 +50,10 @@ impl ResidentScene {
     ///
     /// # Errors
     /// [`Error::TooLarge`] if a buffer exceeds the device's limit, [`Error::OutOfMemory`], and [`Error::Setting`] for more
-    /// than [`MAX_LIGHTS`] lights, or an environment map that is not whole.
+    /// than [`MAX_LIGHTS`] lights, or an environment map that is not whole, and for a medium out of range.
     pub fn new(context: &Context, scene: &Scene, progress: &dyn Progress) -> Result<Self> {
         check_lights(scene)?;
+        scene.medium.as_ref().map_or(Ok(()), Medium::check)?;
         let geometry = Geometry::build(scene, &BvhBuildParams::medium_build(), progress)?;
         let upload = |purpose: &str, bytes: &[u8]| Buffer::with_data(context, purpose, bytes, FEWER_TRIANGLES);
         let limits = &context.fit().properties.limits;
@@ -57,6 +64,9 @@ impl ResidentScene {
         Ok(Self {
             lights: scene.lights.clone(),
             environment: scene.environment,
+            medium: scene.medium,
+            ambient: scene.environment.radiance
+                + scene.environment_map.as_ref().map_or(Vec3::ZERO, medium::mean_radiance),
             requirements: requirements::inspect(scene),
             deformables: Deformable::of(scene)?,
             nodes: upload("BVH nodes", bytemuck::cast_slice(&nodes))?,
@@ -67,6 +77,7 @@ impl ResidentScene {
             materials: upload("materials", bytemuck::cast_slice(&atlas::material_records(scene, &pages)))?,
             srgb: upload("sRGB table", bytemuck::cast_slice(&atlas::srgb_table()))?,
             environment_map: upload_map(context, scene.environment_map.as_ref())?,
+            medium_noise: upload("medium noise", bytemuck::cast_slice(&medium::noise(scene.medium.as_ref())))?,
             atlas: upload_atlas(context, &pages)?,
             sampler: Sampler::new(context)?,
             geometry,
@@ -84,6 +95,7 @@ impl ResidentScene {
             atlas: Resource::Sampled("atlas", self.atlas.view(), self.sampler.raw()),
             srgb: Range::whole("srgb", &self.srgb),
             environment_map: Range::whole("environment map", &self.environment_map),
+            medium_noise: Range::whole("medium noise", &self.medium_noise),
         }
     }
 

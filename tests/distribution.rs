@@ -234,7 +234,9 @@ fn nothing_scintillates() {
 /// What the scene does not need changes nothing where it is modelled all the same.
 #[test]
 fn what_is_left_out_is_not_missed() {
-    for name in ["hairball?strands=200", "spheres", "cornell", "penumbra", "penumbra?light=0", "skylight", "terrain"] {
+    for name in
+        ["hairball?strands=200", "spheres", "cornell", "penumbra", "penumbra?light=0", "skylight", "mist", "terrain"]
+    {
         for method in Method::ALL {
             let scene = builtin::load(name, 0).unwrap();
             let frames = |modelling: Modelling| {

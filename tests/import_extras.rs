@@ -151,3 +151,53 @@ fn a_map_that_cannot_be_read_is_refused_with_the_reason() {
         lit_by(json!({ "file": exr(&good[..length]) })).message();
     }
 }
+
+#[test]
+fn a_medium_arrives_and_wrong_ones_are_refused() {
+    use stillray::scene::medium::{Medium, Mist, Region};
+    let of = |medium: Value| {
+        let mut file = File::triangle();
+        file.json["scenes"][0]["extras"] = json!({ "stillray": { "medium": medium } });
+        file
+    };
+    let box_of = json!([[-1, 0, -1], [1, 2, 1]]);
+    let noise = json!({ "amplitude": 0.5, "size": 6, "drift": [0.2, 0, 0] });
+    let full =
+        json!({ "scattering": [0.1, 0.2, 0.3], "absorption": 0.5, "anisotropy": -0.5, "box": box_of, "noise": noise });
+    let mist = Mist {
+        low: glam::DVec3::new(-1.0, 0.0, -1.0),
+        high: glam::DVec3::new(1.0, 2.0, 1.0),
+        amplitude: 0.5,
+        size: 6.0,
+        drift: glam::DVec3::X * 0.2,
+    };
+    let expected = Medium {
+        scattering: glam::Vec3::new(0.1, 0.2, 0.3),
+        absorption: glam::Vec3::splat(0.5),
+        anisotropy: -0.5,
+        region: Region::Mist(mist),
+    };
+    assert_eq!(of(full).scene().medium, Some(expected));
+    assert_eq!(of(json!({ "scattering": 1 })).scene().medium.map(|m| m.region), Some(Region::Everywhere));
+    assert_eq!(File::triangle().scene().medium, None);
+    let wrong = [
+        (json!(3), ["medium", "3", "an object"]),
+        (json!({ "density": 1 }), ["medium.density", "1", "scattering, absorption"]),
+        (json!({ "scattering": -1 }), ["medium.scattering", "-1", "from 0 to 1e9"]),
+        (json!({ "scattering": [1, 2] }), ["medium.scattering", "[1,2]", "one number or three"]),
+        (json!({ "absorption": [1, 2, -3] }), ["medium.absorption", "-3", "1/metre"]),
+        (json!({ "anisotropy": 1 }), ["medium.anisotropy", "1", "above -1 and below 1"]),
+        (json!({ "anisotropy": 0.999_999_999_9 }), ["medium.anisotropy", "0.9999999999", "below 1"]),
+        (json!({ "box": [[1, 0, 0], [0, 1, 1]] }), ["medium.box", "[[1,0,0],[0,1,1]]", "the lowest"]),
+        (json!({ "box": 3 }), ["medium.box", "3", "two corners"]),
+        (json!({ "noise": {} }), ["medium.box", "missing", "a box"]),
+        (json!({ "box": box_of, "noise": { "size": 0 } }), ["medium.noise.size", "0", "from 0.001"]),
+        (json!({ "box": box_of, "noise": { "amplitude": -1 } }), ["medium.noise.amplitude", "-1", "in metres"]),
+        (json!({ "box": box_of, "noise": { "drift": "x" } }), ["medium.noise.drift", "x", "metres a second"]),
+        (json!({ "box": box_of, "noise": { "seed": 1 } }), ["medium.noise.seed", "1", "amplitude, size, drift"]),
+    ];
+    for (value, words) in wrong {
+        let message = of(value).message();
+        assert!(words.iter().all(|word| message.contains(word)), "{words:?}: {message}");
+    }
+}

@@ -1,6 +1,6 @@
 // The radiance of what a ray has found, from light that comes straight from lights. Needs the bindings frame, instances, corners, rest,
 // triangles, vertices, materials, atlas, srgb and lights, with AREA or ENVIRONMENT also sampler_table, with ENVIRONMENT
-// environment_map. Twin: src/oracle/shade/kernel.rs.
+// environment_map, with MEDIUM medium. Twin: src/oracle/shade/kernel.rs.
 
 #ifndef STILLRAY_RADIANCE
 #define STILLRAY_RADIANCE
@@ -15,6 +15,9 @@
 #include "lobe.glsl"
 #endif
 #include "material.glsl"
+#ifdef MEDIUM
+#include "medium.glsl"
+#endif
 #include "place.glsl"
 #include "triangle.glsl"
 
@@ -82,6 +85,13 @@ vec3 sky_radiance(vec3 direction) {
     return radiance;
 }
 
+#ifdef MEDIUM
+// What fog and mist leave of a light on its way to a point.
+vec3 left_of_light(vec3 point, vec3 direction, float distance) {
+    return medium.data.kind == MEDIUM_NONE ? vec3(1.0) : light_transmittance(medium.data, point, direction, distance);
+}
+#endif
+
 // Towards the viewer; `lit_bits` are the lights that reach it, `rays` says that its lobe is followed by a ray.
 vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays) {
     Surface s = seen.surface;
@@ -101,6 +111,9 @@ vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays) {
 #else
             Incident incident = light_at(lights.data[i], seen.point.position);
 #endif
+#ifdef MEDIUM
+            incident.irradiance *= left_of_light(seen.point.position, incident.direction, incident.distance);
+#endif
             vec3 part = both(from_light(seen, incident.direction));
             radiance += part * (incident.irradiance * weight);
         }
@@ -108,6 +121,9 @@ vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays) {
 #ifdef ENVIRONMENT
     if (has_environment_map() && (lit_bits >> ENVIRONMENT_LIGHT & 1u) != 0u) {
         FromAfar sky = environment_sample(seed_bits(seed, PAIR_ENVIRONMENT));
+#ifdef MEDIUM
+        sky.irradiance *= left_of_light(seen.point.position, sky.direction, uintBitsToFloat(INFINITY_BITS));
+#endif
         vec3 part = but_for_rays(from_light(seen, sky.direction), rays);
         radiance += part * min(sky.irradiance, vec3(IRRADIANCE_MAX));
     }

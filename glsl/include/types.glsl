@@ -18,6 +18,8 @@ const uint MODEL_ENVIRONMENT = 64u;  // light comes from all around as a map say
 const uint MODEL_DEFORM = 128u;  // some mesh deforms
 const uint MODEL_PATH = 1024u;  // paths go on behind what the camera sees: reflections, refraction
 // MODEL_PATH brings SEED AREA ENVIRONMENT
+const uint MODEL_MEDIUM = 512u;  // there is fog or mist
+// MODEL_MEDIUM brings LENS AREA DEFORM ENVIRONMENT SEED
 
 // A cached sample: 16 bytes (paper 1, section 5).
 struct Sample {
@@ -259,6 +261,27 @@ const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hid
 const uint FRAME_NEAREST = 8u;  // textures are not filtered
 const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
 const uint FRAME_FILL = 32u;  // pixels have a second run of samples, which a fill has added behind the list
+
+// A participating medium in a frame: see scene/medium.rs.
+struct Medium {
+    vec3 scattering;    // 1/metre where the density is 1
+    float anisotropy;   // Henyey and Greenstein's g, above -1 and below 1
+    vec3 absorption;    // 1/metre
+    uint kind;          // MEDIUM_NONE, MEDIUM_FOG or MEDIUM_MIST
+    vec3 ambient;       // radiance from all around, evenly
+    uint steps;         // of a march
+    vec3 centre;        // of the box, camera-relative, metres
+    float amplitude;    // of the noise, metres
+    vec3 half_extent;   // of the box, metres
+    float per_period;   // periods of the noise a metre
+    vec3 noise_origin;  // where in its period the noise is at the camera, 0..1
+    uint padding0;
+};
+
+const uint MEDIUM_NONE = 0u;
+const uint MEDIUM_FOG = 1u;
+const uint MEDIUM_MIST = 2u;
+const uint MEDIUM_NOISE_SIDE = 32u;  // cells of the noise along each side
 
 // Layout of a sampler's table, in words (see sampler.glsl).
 const uint SAMPLER_KIND = 0u;         // SAMPLER_PATTERNS, SAMPLER_SEQUENCE or SAMPLER_RANDOM

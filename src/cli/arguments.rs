@@ -34,6 +34,9 @@ pub struct Source {
     pub optics: Optics,
     #[command(flatten)]
     pub surroundings: Surroundings,
+    /// White fog everywhere, instead of the scene's own, that takes away this part of the light a metre, from 0 to 1000000
+    #[arg(long, value_name = "DENSITY", value_parser = density, allow_negative_numbers = true)]
+    pub fog: Option<f32>,
     /// Frames a second of the motion, from 0.001 to 1000
     #[arg(long, value_name = "F", default_value = "30", value_parser = ranged(0.001, 1000.0), allow_negative_numbers = true)]
     pub fps: f64,
@@ -127,6 +130,10 @@ fn sun(text: &str) -> Result<[f64; 2], String> {
         Some([ranged(-360.0, 360.0)(azimuth.trim()).ok()?, ranged(0.0, 90.0)(elevation.trim()).ok()?])
     });
     angles.ok_or_else(|| "expected two angles in degrees, from -360 to 360 and from 0 to 90, such as 130,35".to_owned())
+}
+
+fn density(text: &str) -> Result<f32, String> {
+    ranged(0.0, 1e6)(text).map(|n| n as f32)
 }
 
 fn blades(text: &str) -> Result<u32, String> {

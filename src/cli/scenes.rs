@@ -7,7 +7,7 @@ use stillray::Result;
 use stillray::report::table::Table;
 use stillray::scene::motion::Motion;
 use stillray::scene::shot::Shot;
-use stillray::scene::{Lens, Pose, Scene, View, builtin, import};
+use stillray::scene::{Lens, Medium, Pose, Scene, View, builtin, import};
 
 use super::arguments::Source;
 use super::{Outcome, console};
@@ -50,6 +50,7 @@ pub fn looked_at(source: &Source, motion: Motion) -> Result<(Scene, Shot)> {
     let mut scene = load(&source.scene, source.seed)?;
     scene.cameras.iter_mut().for_each(|camera| camera.lens = source.optics.of(camera.lens));
     source.surroundings.apply(&mut scene)?;
+    scene.medium = source.fog.map(Medium::fog).or(scene.medium);
     let shot = Shot::new(&scene, source.camera.as_deref(), motion)?;
     Ok((scene, shot.with_lens(source.optics.of(Lens::PINHOLE))))
 }

@@ -204,8 +204,8 @@ impl Hunt {
             let message = "a search takes the lens of the scene's camera: leave out --aperture, --focus and --blades";
             return Err(Failure::Usage(message.to_owned()));
         }
-        if self.source.surroundings.is_given() {
-            let message = "a search takes the scene as it is: leave out --environment and --sky";
+        if self.source.surroundings.is_given() || self.source.fog.is_some() {
+            let message = "a search takes the scene as it is: leave out --environment, --sky and --fog";
             return Err(Failure::Usage(message.to_owned()));
         }
         if self.shard.count > self.brackets as usize {

@@ -40,6 +40,7 @@ pub struct FrameBuffers {
     previous_corners: Option<Buffer>,
     /// Origins, directions, weights, list and counters.
     paths: Vec<Buffer>,
+    medium: Option<Buffer>,
     /// The frame.
     pub color: Image,
     /// All of [`Aov::ALL`], or none.
@@ -104,6 +105,7 @@ impl FrameBuffers {
             } else {
                 Vec::new()
             },
+            medium: if storage.medium > 0 { Some(make("medium", storage.medium)?) } else { None },
             color: color_image(context, settings)?,
             aovs: aov_images(context, settings)?,
         };
@@ -140,6 +142,7 @@ impl FrameBuffers {
             seeds: self.seeds(slot),
             paths: self.path_resources(),
             previous_corners: self.previous_corners.as_ref().map(|b| Range::whole("previous corners", b)),
+            medium: self.medium.as_ref().map(|b| Range::whole("medium", b)),
             claims: shared("claims", 0, s.claims),
             masks: Range::whole("masks", &self.masks),
             plan: Range::whole("plan", &self.plan),

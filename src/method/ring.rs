@@ -7,15 +7,16 @@ use crate::accel::Node;
 use crate::gpu::{Buffer, Context, Place, Range};
 use crate::phase::FrameResources;
 use crate::resident::ResidentScene;
-use crate::shaders::{Counters, Frame, Instance, Light};
+use crate::shaders::{Counters, Frame, Instance, Light, Medium};
 
-/// A slot holds the frame's constants, instances, lights, top level, and what deforms, in this order.
+/// A slot holds the frame's constants, instances, lights, medium, top level, and what deforms, in this order.
 #[derive(Debug)]
 pub struct Ring {
     up: Vec<Buffer>,
     down: Vec<Buffer>,
     instances: u64,
     lights: u64,
+    medium: u64,
     top_level: u64,
     /// Offsets of what deforms.
     shapes: Vec<u64>,
@@ -30,7 +31,8 @@ impl Ring {
         let after = |offset: u64, bytes: usize| (offset + bytes as u64).next_multiple_of(16);
         let instances = after(0, size_of::<Frame>());
         let lights = after(instances, scene.instance_count() * size_of::<Instance>());
-        let top_level = after(lights, scene.light_count() * size_of::<Light>());
+        let medium = after(lights, scene.light_count() * size_of::<Light>());
+        let top_level = after(medium, size_of::<Medium>());
         let mut size = top_level + scene.top_level().size;
         let mut offsets = Vec::with_capacity(shapes.len());
         for range in shapes {
@@ -45,6 +47,7 @@ impl Ring {
             down: (0..SLOTS).map(|_| down()).collect::<Result<_>>()?,
             instances,
             lights,
+            medium,
             top_level,
             shapes: offsets,
         })
@@ -58,10 +61,15 @@ impl Ring {
         let lights = sized(f.lights, scene.light_count(), size_of::<Light>());
         let all =
             [(0, f.frame), (self.instances, instances), (self.lights, lights), (self.top_level, scene.top_level())];
+        let medium = f.medium.map(|to| (self.medium, to));
         let shapes = self.shapes.iter().copied().zip(shapes.iter().copied());
         // Vulkan has no empty copies.
-        let uploads =
-            all.into_iter().chain(shapes).filter(|(_, to)| to.size > 0).map(|(at, to)| (from(at, to.size), to));
+        let uploads = all
+            .into_iter()
+            .chain(medium)
+            .chain(shapes)
+            .filter(|(_, to)| to.size > 0)
+            .map(|(at, to)| (from(at, to.size), to));
         Transfers { uploads: uploads.collect(), readback: Range::whole("read-back ring", &self.down[slot]) }
     }
 
@@ -78,6 +86,11 @@ impl Ring {
     /// Writes all lights.
     pub fn write_lights(&mut self, slot: usize, lights: &[Light]) {
         self.up[slot].write(self.lights, bytemuck::cast_slice(lights));
+    }
+
+    /// Writes the medium.
+    pub fn write_medium(&mut self, slot: usize, medium: &Medium) {
+        self.up[slot].write(self.medium, bytemuck::bytes_of(medium));
     }
 
     /// Writes the top level, at most as many nodes as the scene reserves.

@@ -21,7 +21,9 @@
 use crate::Result;
 use crate::gpu::buffer::within;
 use crate::settings::{Precision, Sampling, Settings, Temporal};
-use crate::shaders::{Found, MODEL_AGE, MODEL_PATH, MODEL_SEED, MODEL_SOURCE, Sample, Shaded, Tracked};
+use crate::shaders::{
+    Found, MODEL_AGE, MODEL_MEDIUM, MODEL_PATH, MODEL_SEED, MODEL_SOURCE, Medium, Sample, Shaded, Tracked,
+};
 
 /// Sizes in bytes of everything that belongs to a renderer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,6 +50,8 @@ pub struct Storage {
     pub seeds: u64,
     /// Four words a sample, three times, and as much as two of these words for the lists; 0 if paths do not go on.
     pub paths: u64,
+    /// Constants of the medium, 0 if there is none.
+    pub medium: u64,
     /// Claims, 0 if samples are not reprojected.
     pub claims: u64,
     /// Masks, and as much again for the plan; 0 if samples are not reprojected.
@@ -116,6 +120,7 @@ impl Storage {
             memory: if model & MODEL_SOURCE != 0 { capacity * 4 } else { 0 },
             seeds: if model & MODEL_SEED != 0 { capacity * 4 } else { 0 },
             paths: if model & MODEL_PATH != 0 { capacity * 16 } else { 0 },
+            medium: if model & MODEL_MEDIUM != 0 { size_of::<Medium>() as u64 } else { 0 },
             claims,
             masks: if stable { pixels * 4 } else { 0 },
             tile_sums: if stable { tiles * 4 } else { 0 },

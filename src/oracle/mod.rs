@@ -9,6 +9,7 @@ pub mod environment;
 pub mod gather;
 pub mod generate;
 pub mod lens;
+pub mod medium;
 pub mod random;
 pub mod reconstruct;
 pub mod reproject;

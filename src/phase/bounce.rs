@@ -134,7 +134,9 @@ fn scatter_pass(
         path_weights: b(paths.weights),
         path_list: b(paths.list),
         path_counters: b(paths.counters),
+        medium: f.medium.map(b),
     };
+    let shader = scatter::modelling(kit.model());
     let push = scatter::Push { step };
-    kit.dispatch("bounce", scatter::SHADER, &bindings.list(), bytemuck::bytes_of(&push), threads)
+    kit.dispatch("bounce", shader, &bindings.of(shader), bytemuck::bytes_of(&push), threads)
 }

@@ -15,6 +15,7 @@
 //! | [`changes`] | | pixel | samples of both frames, lit, masks, plan | image |
 //! | [`shade`] | 4.3 | sample | found, lit, materials, lights, environment map | shaded |
 //! | [`bounce`]: `route`, `bounce`, `shadow`, `scatter`, a step each | paper 2, 3.3 and 3.5 | ray | paths, geometry, materials, lights | found, lit, shaded, paths |
+//! | [`medium`], with fog or mist | paper 2, 3.6 | pixel | shaded, offsets, geometry, lights, medium | shaded |
 //! | [`reconstruct`] | 4.4 | pixel | shaded, offsets | film, motion |
 //! | [`resolve`] | | pixel | film | colour image |
 //! | [`temporal`], instead of `resolve` | 6 | pixel | film, motion, last picture | colour image, picture |
@@ -27,6 +28,7 @@ pub mod changes;
 pub mod fill;
 pub mod generate;
 pub mod list;
+pub mod medium;
 pub mod reconstruct;
 pub mod reproject;
 pub mod resolve;
@@ -122,6 +124,8 @@ pub struct FrameResources {
     pub paths: Option<PathResources>,
     /// Corners that triangles of deforming meshes had in the last frame, nine floats each, if there are any.
     pub previous_corners: Option<Range>,
+    /// [`crate::shaders::Medium`], if that is modelled.
+    pub medium: Option<Range>,
     /// A word a subpixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
     pub claims: Range,
     /// Two floats a pixel, with point tracking: where the ray of each pixel goes, in pixels.
@@ -253,6 +257,8 @@ pub struct SceneResources {
     pub srgb: Range,
     /// [`crate::scene::EnvironmentMap::table`].
     pub environment_map: Range,
+    /// [`crate::scene::medium::noise`].
+    pub medium_noise: Range,
 }
 
 /// What a model that is not whole gives.

@@ -35,6 +35,7 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         path_list: f.paths.map(|paths| b(paths.list)),
         path_counters: f.paths.map(|paths| b(paths.counters)),
         previous_corners: f.previous_corners.map(b),
+        medium: f.medium.map(b),
     };
     let shader = shader::modelling(kit.model());
     kit.dispatch("shade", shader, &bindings.of(shader), &[], f.dense())

@@ -35,6 +35,9 @@ pub fn fingerprint(scene: &Scene) -> String {
         hash.shown(format_args!("map turned by {}", map.turn));
         hash.list(&map.texels);
     }
+    if let Some(medium) = &scene.medium {
+        hash.shown(format_args!("{medium:?}"));
+    }
     hex(&hash.0.finalize())
 }
 
@@ -108,12 +111,13 @@ mod tests {
         assert_eq!(own, fingerprint(&load("cornell")));
         let renamed = Scene { name: "other".into(), ..scene.clone() };
         assert_eq!(own, fingerprint(&renamed));
-        let changes: [fn(&mut Scene); 7] = [
+        let changes: [fn(&mut Scene); 8] = [
             |s| s.meshes[0].positions[0].x = f32::from_bits(s.meshes[0].positions[0].x.to_bits() + 1),
             |s| s.materials[0].roughness += 0.1,
             |s| s.lights[0].intensity *= 1.0 + f32::EPSILON,
             |s| s.environment.radiance.x += 0.1,
             |s| s.environment_map = Some(EnvironmentMap::default()),
+            |s| s.medium = Some(crate::scene::Medium::fog(0.1)),
             |s| s.cameras[0].yfov += 1e-12,
             |s| s.meshes[0].triangles[0].rotate_left(1),
         ];

@@ -12,6 +12,7 @@ pub mod deform;
 pub mod environment;
 pub mod fingerprint;
 pub mod import;
+pub mod medium;
 pub mod motion;
 pub mod pose;
 pub mod requirements;
@@ -23,6 +24,7 @@ use std::ops::Range;
 
 pub use environment::EnvironmentMap;
 use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
+pub use medium::Medium;
 
 /// A complete scene.
 #[derive(Debug, Clone, Default)]
@@ -56,6 +58,8 @@ pub struct Scene {
     pub environment: Environment,
     /// Light from infinity that differs by direction, added to the uniform one.
     pub environment_map: Option<EnvironmentMap>,
+    /// What fills space and scatters light.
+    pub medium: Option<Medium>,
     /// What was approximated or ignored, one line each, to be said once to the user.
     pub notices: Vec<String>,
 }
@@ -484,6 +488,8 @@ pub struct Pose {
     pub lights: Vec<LightPose>,
     /// Each of [`Scene::cameras`], placed.
     pub cameras: Vec<View>,
+    /// How far the noise of [`Scene::medium`] has drifted, metres; zero without one.
+    pub drift: DVec3,
 }
 
 /// The shape of a mesh at one moment: morphed first, then bent. See [`deform::deform`].

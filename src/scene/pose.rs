@@ -49,6 +49,7 @@ impl Scene {
             deformations: Vec::with_capacity(self.deformers.len()),
             lights: self.lights.iter().map(|light| light_pose(&globals[light.node])).collect(),
             cameras: self.cameras.iter().map(|camera| view(&globals[camera.node], camera)).collect(),
+            drift: self.medium.map_or(DVec3::ZERO, |medium| medium.drifted(time)),
         };
         for (deformer, weights) in self.deformers.iter().zip(self.morph_weights(time)) {
             let mut joints = Vec::new();
@@ -111,6 +112,16 @@ impl Scene {
             globals.push(node.parent.map_or(local, |parent| globals[parent] * local));
         }
         globals
+    }
+}
+
+impl Pose {
+    /// Whether all that samples lie on is where it is in another pose. What drifts in the air moves no sample.
+    #[must_use]
+    pub fn stands_like(&self, other: &Self) -> bool {
+        let Self { instances, deformations, lights, cameras, drift: _ } = self;
+        (instances, deformations, lights, cameras)
+            == (&other.instances, &other.deformations, &other.lights, &other.cameras)
     }
 }
 

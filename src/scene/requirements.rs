@@ -7,6 +7,7 @@ use std::fmt;
 use glam::{DAffine3, DVec3};
 use serde::{Deserialize, Serialize};
 
+use super::medium::{Medium, Region};
 use super::{AlphaMode, Camera, ChannelValues, Light, LightKind, LightShape, Material, Scene, TextureRef, Wrap};
 
 /// What inspecting a scene found.
@@ -63,6 +64,9 @@ pub struct Traits {
     /// Whether light passes through something.
     #[serde(default = "yes")]
     pub transmits: bool,
+    /// Whether there is fog or mist.
+    #[serde(default = "yes")]
+    pub medium: bool,
 }
 
 /// What a file of before says of what it did not know.
@@ -83,6 +87,7 @@ impl Traits {
                 || scene.environment_map.is_some()
                 || scene.materials.iter().any(|m| m.transmits() || m.exponent > 0.0),
             transmits: scene.materials.iter().any(Material::transmits),
+            medium: scene.medium.is_some_and(|medium| medium.is_seen()),
         }
     }
 }
@@ -90,7 +95,7 @@ impl Traits {
 impl Default for Traits {
     /// Of a scene of which nothing is known: everything can make a difference.
     fn default() -> Self {
-        Self { lights: u32::MAX, textures: true, distributed: true, transmits: true }
+        Self { lights: u32::MAX, textures: true, distributed: true, transmits: true, medium: true }
     }
 }
 
@@ -181,6 +186,8 @@ pub enum Feature {
     SkinnedMeshes,
     /// Meshes with morph targets.
     MorphedMeshes,
+    /// Fog or mist.
+    Medium,
 }
 
 impl fmt::Display for Feature {
@@ -319,6 +326,11 @@ impl Found {
         if let Some(map) = &scene.environment_map {
             let cause = || format!("map '{}', {} x {}", map.name, map.width, map.height);
             self.note(true, Feature::EnvironmentMap, cause);
+        }
+        if let Some(medium) = scene.medium.filter(Medium::is_seen) {
+            let what = if medium.region == Region::Everywhere { "fog" } else { "mist" };
+            let taken = medium.scattering + medium.absorption;
+            self.note(true, Feature::Medium, || format!("{what} of {} a metre", taken.max_element()));
         }
     }
 

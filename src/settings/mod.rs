@@ -58,6 +58,8 @@ pub struct Settings {
     pub gloss: f32,
     /// Part of the paths that are reflected where light passes through too, 0.05 to 0.95 (P of paper 2, section 3.5).
     pub path_part: f32,
+    /// Steps of a march through fog or mist, 1 to 256.
+    pub medium_steps: u32,
     /// What is modelled.
     pub modelling: Modelling,
     /// 32-bit float output instead of 16-bit.
@@ -91,6 +93,7 @@ impl Default for Settings {
             path_depth: 3,
             gloss: 0.0,
             path_part: 0.25,
+            medium_steps: 32,
             modelling: Modelling::Required,
             float_output: false,
             aovs: Vec::new(),

@@ -32,6 +32,11 @@ fn sampled(scene: &Traits, value: Value) -> bool {
     scene.distributed || matches!(value, Choice(name) if defaults.contains(&name))
 }
 
+/// A march needs something to go through.
+fn misty(scene: &Traits, value: Value) -> bool {
+    scene.medium || value == Count(32)
+}
+
 fn analysed(method: Method) -> bool {
     method.keeps_samples()
 }
@@ -359,6 +364,17 @@ pub static KNOBS: &[Knob] = &[
         rays: false,
         distinct: |scene, value| scene.transmits || value == Number(0.25),
         ladder: &[Number(0.1), Number(0.25), Number(0.5)],
+    },
+    Knob {
+        name: "medium.steps",
+        about: "steps of each pixel's march through fog or mist",
+        unit: "steps/pixel",
+        trades: "more: shafts and the shapes of mist are finer and less noisy, for a shadow ray a step",
+        domain: Domain::Count { min: 1, max: 256, at: |s| &mut s.medium_steps },
+        applies: any,
+        rays: true,
+        distinct: misty,
+        ladder: &[Count(8), Count(16), Count(32), Count(64)],
     },
     Knob {
         name: "model",

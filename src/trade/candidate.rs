@@ -207,8 +207,10 @@ mod tests {
 
     #[test]
     fn what_makes_no_difference_in_the_scene_is_not_tried() {
-        let plain =
-            Space { scene: Traits { lights: 1, textures: false, distributed: false, transmits: false }, ..space(&[]) };
+        let plain = Space {
+            scene: Traits { lights: 1, textures: false, distributed: false, transmits: false, medium: false },
+            ..space(&[])
+        };
         let values = |space: &Space, name: &str| {
             let found = space.candidates(400, 1);
             let words = found.iter().map(|c| Knob::find(name).unwrap().get(&c.settings).to_string());

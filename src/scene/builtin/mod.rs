@@ -8,6 +8,7 @@ mod cornell;
 mod font;
 mod furnace;
 mod hairball;
+mod mist;
 mod noise;
 mod penumbra;
 mod random;
@@ -37,6 +38,7 @@ pub const NAMES: &[(&str, &str)] = &[
         "skylight",
         "a yard under sky and sun (?turbidity=17..100, in tenths, &azimuth=0..359, &elevation=0..90, of the sun in degrees)",
     ),
+    ("mist", "trees in the way of a low sun, in a layer of mist that drifts (?density=0..100, in tenths of the usual)"),
     ("furnace", "white balls in white light, of which nothing may show (?albedo=0..100, per cent)"),
     ("strands", "flat unlit strands 0.3 to 1 pixel wide whose exact coverage is known (?count=1..64)"),
 ];
@@ -62,6 +64,7 @@ pub fn load(name: &str, seed: u32) -> Result<Scene> {
     match scene {
         "hairball" => Ok(hairball::build(one(&hairball::STRANDS)?, seed)),
         "furnace" => Ok(furnace::build(one(&furnace::ALBEDO)?)),
+        "mist" => Ok(mist::build(one(&mist::DENSITY)?)),
         "penumbra" => Ok(penumbra::build(one(&penumbra::LIGHT)?)),
         "skylight" => skylight::build(&parameters(scene, query, &skylight::PARAMETERS)?),
         "spheres" => Ok(spheres::build(one(&spheres::BEADS)?, seed)),

@@ -5,17 +5,21 @@
 //! "materials": [{ ..., "extras": { "stillray": { "exponent": 2048 } } }]
 //! "lights": [{ ..., "extras": { "stillray": { "shape": "rectangle", "width": 1.2, "height": 0.6 } } }]
 //! "scenes": [{ ..., "extras": { "stillray": { "environment": { "file": "sky.exr", "scale": 1.0, "turn": 90 } } } }]
+//! "scenes": [{ ..., "extras": { "stillray": { "medium": { "scattering": [0.1, 0.1, 0.12], "absorption": 0.01, "anisotropy": 0.3,
+//!     "box": [[-9, 0, -9], [9, 2, 9]], "noise": { "amplitude": 0.5, "size": 6, "drift": [0.2, 0, 0] } } } } }]
 //! ```
 //!
-//! Lengths are metres; the sizes of directional lights are degrees of the sky, and so is the turn of a map about +Y. A key that is not known is refused, as is a
+//! Coefficients of a medium are 1/metre, one number or three; without a box it is everywhere. Lengths are metres; the sizes of directional lights are degrees of the sky, and so is the turn of a map about +Y. A key that is not known is refused, as is a
 //! value out of range: both are most likely mistakes.
 
 use std::path::Path;
 
+use glam::DVec3;
 use serde_json::{Map, Value};
 
 use super::document::Document;
 use crate::Result;
+use crate::scene::medium::{DENSEST, FARTHEST, Medium, Mist, Region};
 use crate::scene::{EnvironmentMap, Lens, LightKind, LightShape, Scene};
 
 /// The lens of a camera.
@@ -56,11 +60,12 @@ pub(super) fn light_shape(document: &Document, light: usize, kind: LightKind) ->
     }
 }
 
-/// Light from all around the file's scene `wanted`, or the default one.
+/// Light from all around, and a medium, of the file's scene `wanted`, or the default one.
 pub(super) fn environment(document: &Document, wanted: Option<usize>, scene: &mut Scene) -> Result<()> {
     let index = wanted.or(document.root.scene.map(|scene| scene.value())).unwrap_or(0);
     let Some(extras) = Extras::of(document, &["scenes"], index)? else { return Ok(()) };
-    extras.only(&["environment"])?;
+    extras.only(&["environment", "medium"])?;
+    scene.medium = extras.object("medium")?.map(|medium| self::medium(&medium)).transpose()?;
     let Some(map) = extras.object("environment")? else { return Ok(()) };
     map.only(&["file", "scale", "turn"])?;
     let Some(file) = map.entries.get("file").and_then(Value::as_str) else {
@@ -75,6 +80,54 @@ pub(super) fn environment(document: &Document, wanted: Option<usize>, scene: &mu
     let read = read.map_err(|error| document.bad(format!("{}.file: {error}", map.place)))?;
     scene.environment_map = Some(EnvironmentMap { scale: scale as f32, turn: turn.to_radians(), ..read });
     Ok(())
+}
+
+/// Fog or mist.
+fn medium(extras: &Extras<'_>) -> Result<Medium> {
+    extras.only(&["scattering", "absorption", "anisotropy", "box", "noise"])?;
+    let densest = f64::from(DENSEST);
+    let coefficients = |key| {
+        let expected = "one number or three, from 0 to 1e9, in 1/metre";
+        Ok(extras.vector(key, expected, |n| (0.0..=densest).contains(&n))?.unwrap_or_default().as_vec3())
+    };
+    // Also as a float it is not 1.
+    let anisotropic = |g: f64| (g as f32).abs() < 1.0;
+    let anisotropy = extras.number("anisotropy", "above -1 and below 1", anisotropic)?.unwrap_or(0.0) as f32;
+    let region = if extras.entries.contains_key("box") { Region::Mist(mist(extras)?) } else { Region::Everywhere };
+    if region == Region::Everywhere && extras.entries.contains_key("noise") {
+        return Err(extras.bad("box", "a box for the noise to be in"));
+    }
+    Ok(Medium { scattering: coefficients("scattering")?, absorption: coefficients("absorption")?, anisotropy, region })
+}
+
+/// Mist in a box.
+fn mist(extras: &Extras<'_>) -> Result<Mist> {
+    let corners = "two corners in metres within 1e9 of 0, the lowest and then the highest";
+    let list = extras.entries.get("box").and_then(Value::as_array).filter(|list| list.len() == 2);
+    let corner = |i: usize| triple(&list?[i]).filter(|p| p.abs().max_element() <= FARTHEST);
+    let (Some(low), Some(high)) = (corner(0), corner(1)) else { return Err(extras.bad("box", corners)) };
+    if !low.cmplt(high).all() {
+        return Err(extras.bad("box", corners));
+    }
+    let still = Mist { low, high, amplitude: 0.0, size: 1.0, drift: DVec3::ZERO };
+    let Some(noise) = extras.object("noise")? else { return Ok(still) };
+    noise.only(&["amplitude", "size", "drift"])?;
+    let amplitude = noise.number("amplitude", "from 0 to 1e9, in metres", |n| (0.0..=FARTHEST).contains(&n))?;
+    let size = noise.number("size", "from 0.001 to 1e9, in metres", |n| (1e-3..=FARTHEST).contains(&n))?;
+    let drift = noise.vector("drift", "three numbers within 1e9 of 0, in metres a second", |n| n.abs() <= FARTHEST)?;
+    Ok(Mist {
+        amplitude: amplitude.unwrap_or(0.0),
+        size: size.unwrap_or(1.0),
+        drift: drift.unwrap_or_default(),
+        ..still
+    })
+}
+
+/// Three finite numbers.
+fn triple(value: &Value) -> Option<DVec3> {
+    let numbers: Vec<f64> = value.as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?;
+    let triple: [f64; 3] = numbers.try_into().ok()?;
+    Some(DVec3::from(triple)).filter(|v| v.is_finite())
 }
 
 /// `extras.stillray` of an element of the file.
@@ -114,6 +167,14 @@ impl<'a> Extras<'a> {
         let Some(value) = self.entries.get(key) else { return Ok(None) };
         let entries = value.as_object().ok_or_else(|| self.bad(key, "an object"))?;
         Ok(Some(Self { document: self.document, place: format!("{}.{key}", self.place), entries }))
+    }
+
+    /// Three numbers, or one for all three.
+    fn vector(&self, key: &str, expected: &str, allowed: impl Fn(f64) -> bool) -> Result<Option<DVec3>> {
+        let Some(value) = self.entries.get(key) else { return Ok(None) };
+        let vector = triple(value).or_else(|| value.as_f64().filter(|n| n.is_finite()).map(DVec3::splat));
+        let vector = vector.filter(|v| v.to_array().into_iter().all(allowed));
+        vector.map(Some).ok_or_else(|| self.bad(key, expected))
     }
 
     fn number(&self, key: &str, expected: &str, allowed: impl Fn(f64) -> bool) -> Result<Option<f64>> {
