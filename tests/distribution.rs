@@ -234,13 +234,23 @@ fn nothing_scintillates() {
 /// What the scene does not need changes nothing where it is modelled all the same.
 #[test]
 fn what_is_left_out_is_not_missed() {
-    for name in
-        ["hairball?strands=200", "spheres", "cornell", "penumbra", "penumbra?light=0", "skylight", "mist", "terrain"]
-    {
+    for (name, gloss) in [
+        ("hairball?strands=200", 0.0),
+        ("spheres", 0.0),
+        ("spheres", 0.5),
+        ("cornell", 0.0),
+        ("penumbra", 0.0),
+        ("penumbra?light=0", 1.0),
+        ("ashtray", 0.0),
+        ("skylight", 0.0),
+        ("mist", 0.0),
+        ("mist", 1.0),
+        ("terrain", 0.0),
+    ] {
         for method in Method::ALL {
             let scene = builtin::load(name, 0).unwrap();
             let frames = |modelling: Modelling| {
-                let settings = Settings { size: [40, 30], modelling, ..Settings::of(*method) };
+                let settings = Settings { size: [40, 30], modelling, gloss, ..Settings::of(*method) };
                 let mut stage = Stage::new(scene.clone(), &settings);
                 let view = stage.scene.pose(0.0).cameras[0];
                 let moved = |i: u32| View { position: view.position + DVec3::X * 0.02 * f64::from(i), ..view };

@@ -54,6 +54,55 @@ fn all_members_of_a_material_arrive() {
 }
 
 #[test]
+fn what_light_does_inside_arrives() {
+    let material = material_of(json!({
+        "extensions": {
+            "KHR_materials_ior": { "ior": 1.33 },
+            "KHR_materials_transmission": { "transmissionFactor": 0.75, "transmissionTexture": { "index": 1 } },
+            "KHR_materials_volume":
+                { "thicknessFactor": 2, "attenuationDistance": 0.5, "attenuationColor": [1, 0.25, 0.5] },
+        },
+        "extras": { "stillray": { "exponent": 2048 } },
+    }));
+    assert_eq!((material.ior, material.transmission, material.exponent), (1.33, 0.75, 2048.0));
+    assert_eq!(material.transmission_texture.map(|t| t.texture), Some(0), "of the textures in use");
+    let absorbs = material.volume.unwrap();
+    let expected = Vec3::new(0.0, 4_f32.ln() / 0.5, 2_f32.ln() / 0.5);
+    assert!(absorbs.abs_diff_eq(expected, 1e-6), "{absorbs}");
+    // A wall without thickness, and what is said of nothing.
+    let thin = material_of(json!({ "extensions": { "KHR_materials_volume": { "attenuationDistance": 0.5 } } }));
+    assert_eq!((thin.volume, thin.ior, thin.transmission, thin.exponent), (None, 1.5, 0.0, 0.0));
+    let whole = material_of(json!({ "extensions": { "KHR_materials_ior": { "ior": 0 } } }));
+    assert_eq!(whole.ior, 0.0, "the extension's word for what reflects everything");
+}
+
+#[test]
+fn what_light_cannot_do_inside_is_refused_with_key_value_and_range() {
+    let inside = |name: &str, members: Value| json!({ "extensions": { name: members } });
+    let volume = |members: Value| inside("KHR_materials_volume", members);
+    let exponent = |value: Value| json!({ "extras": { "stillray": { "exponent": value } } });
+    let wrong = [
+        (inside("KHR_materials_ior", json!({ "ior": 0.9 })), ["KHR_materials_ior.ior", "0.9", "1 or more, or 0"]),
+        (inside("KHR_materials_ior", json!({ "ior": -1.5 })), ["KHR_materials_ior.ior", "-1.5", "1 or more, or 0"]),
+        (
+            inside("KHR_materials_transmission", json!({ "transmissionFactor": 1.5 })),
+            ["KHR_materials_transmission.transmissionFactor", "1.5", "0 to 1"],
+        ),
+        (volume(json!({ "thicknessFactor": -1 })), ["KHR_materials_volume.thicknessFactor", "-1", "0 or more"]),
+        (volume(json!({ "attenuationDistance": 0 })), ["KHR_materials_volume.attenuationDistance", "0", "above 0"]),
+        (volume(json!({ "attenuationColor": [1, 2, 1] })), ["KHR_materials_volume.attenuationColor", "2", "0 to 1"]),
+        (exponent(json!(0)), ["materials[0].extras.stillray.exponent", "0", "from 1 to 1000000"]),
+        (exponent(json!(1e7)), ["materials[0].extras.stillray.exponent", "10000000", "from 1 to 1000000"]),
+        (exponent(json!("much")), ["materials[0].extras.stillray.exponent", "\"much\"", "from 1 to 1000000"]),
+    ];
+    for (members, words) in wrong {
+        let message = File::textured(members).message();
+        assert!(words.iter().all(|word| message.contains(word)), "{words:?}: {message}");
+        assert!(message.contains("material"), "{message}");
+    }
+}
+
+#[test]
 fn factors_out_of_range_are_clamped_and_said() {
     let scene = File::textured(json!({ "name": "m", "pbrMetallicRoughness": { "roughnessFactor": 7 } })).scene();
     assert_eq!(scene.materials[0].roughness, 1.0);

@@ -3,6 +3,7 @@
 //! Each has a camera named `main` that frames it, lights and an environment of its own. The same name, parameters and
 //! seed give the same scene, bit for bit, on one platform.
 
+mod ashtray;
 mod bump;
 mod cornell;
 mod font;
@@ -33,6 +34,7 @@ pub const NAMES: &[(&str, &str)] = &[
     ("terrain", "a fractal height field of 175x199 vertices with a finer texture"),
     ("spheres", "metal and plastic balls over a checkered floor, with moving instances (?beads=0..4096)"),
     ("cornell", "the Cornell box with a point light"),
+    ("ashtray", "thick glass with bubbles of air and a marble in it (?bubbles=0..64)"),
     ("penumbra", "soft shadows under a square luminaire (?light=0..800, its side in centimetres)"),
     (
         "skylight",
@@ -64,6 +66,7 @@ pub fn load(name: &str, seed: u32) -> Result<Scene> {
     match scene {
         "hairball" => Ok(hairball::build(one(&hairball::STRANDS)?, seed)),
         "furnace" => Ok(furnace::build(one(&furnace::ALBEDO)?)),
+        "ashtray" => Ok(ashtray::build(one(&ashtray::BUBBLES)?)),
         "mist" => Ok(mist::build(one(&mist::DENSITY)?)),
         "penumbra" => Ok(penumbra::build(one(&penumbra::LIGHT)?)),
         "skylight" => skylight::build(&parameters(scene, query, &skylight::PARAMETERS)?),

@@ -62,19 +62,62 @@ pub(super) fn sphere(name: &str, radius: f64, rings: u32, sectors: u32, material
             push_vertex(&mut mesh, (normal * radius, normal, DVec2::new(u, v)));
         }
     }
+    push_rings(&mut mesh, rings, sectors, material);
+    mesh
+}
+
+/// What an outline makes that turns around the y axis, from a point on that axis to another: clockwise around what is inside, with
+/// the axis on its left. Corners in between are rounded by the radius that comes with them, so that normals are smooth.
+pub(super) fn lathe(name: &str, outline: &[(DVec2, f64)], sectors: u32, material: u32) -> Mesh {
+    let profile = rounded(outline);
+    let mut mesh = empty(name);
+    for (i, (point, normal)) in profile.iter().enumerate() {
+        for j in 0..=sectors {
+            let (sin, cos) = (f64::from(j % sectors) / f64::from(sectors) * TAU).sin_cos();
+            let turned = |p: DVec2| DVec3::new(p.x * cos, p.y, -p.x * sin);
+            let uv = DVec2::new(f64::from(j) / f64::from(sectors), i as f64 / (profile.len() - 1) as f64);
+            push_vertex(&mut mesh, (turned(*point), turned(*normal), uv));
+        }
+    }
+    push_rings(&mut mesh, profile.len() as u32 - 1, sectors, material);
+    mesh
+}
+
+/// Points of an outline, and its normals there.
+fn rounded(outline: &[(DVec2, f64)]) -> Vec<(DVec2, DVec2)> {
+    const STEPS: u32 = 6;
+    let last = outline.len() - 1;
+    let along = |i: usize| (outline[i + 1].0 - outline[i].0).normalize();
+    let mut profile = vec![(outline[0].0, along(0).perp())];
+    for i in 1..last {
+        let (corner, radius) = outline[i];
+        let (from, to) = (along(i - 1), along(i));
+        let turn = from.angle_to(to);
+        let start = corner - from * (radius * (0.5 * turn).tan().abs());
+        let centre = start + from.perp() * radius * turn.signum();
+        for k in 0..=STEPS {
+            let normal = DVec2::from_angle(turn * f64::from(k) / f64::from(STEPS)).rotate(from.perp());
+            profile.push((centre - normal * radius * turn.signum(), normal));
+        }
+    }
+    profile.push((outline[last].0, along(last - 1).perp()));
+    profile
+}
+
+/// Joins rows of `sectors + 1` vertices, the first and the last of which are poles.
+fn push_rings(mesh: &mut Mesh, rings: u32, sectors: u32, material: u32) {
     let row = sectors + 1;
     for i in 0..rings {
         for j in 0..sectors {
             let a = i * row + j;
             if i + 1 < rings {
-                push_triangle(&mut mesh, [a, a + row, a + row + 1], material);
+                push_triangle(mesh, [a, a + row, a + row + 1], material);
             }
             if i > 0 {
-                push_triangle(&mut mesh, [a, a + row + 1, a + 1], material);
+                push_triangle(mesh, [a, a + row + 1, a + 1], material);
             }
         }
     }
-    mesh
 }
 
 /// A grid in the xz plane of `columns * rows` vertices; `vertex` gives the vertex at column and row.

@@ -115,7 +115,7 @@ pub(super) fn at(translation: DVec3) -> LocalTransform {
 }
 
 /// The rotation that turns -Z into `direction`, with +Y as near to up as it can be. `direction` is not vertical.
-fn look_along(direction: DVec3) -> DQuat {
+pub(super) fn look_along(direction: DVec3) -> DQuat {
     let back = -direction.normalize();
     let right = DVec3::Y.cross(back).normalize();
     DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize()
