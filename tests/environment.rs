@@ -308,6 +308,50 @@ fn the_map_is_seen_where_it_is() {
     assert!(twin.radiance(d.as_vec3().to_array()).1.max_element() < 1e-3, "{column} {row}");
 }
 
+/// Where a path ends at once, a mirror shows the blurred map; where its ray is traced to the sky, the map itself: by all else they
+/// are alike, so that the ratio is that of the maps, by their twin.
+#[test]
+fn what_is_beyond_a_path_is_looked_up_blurred() {
+    let checks = map_of(64, 32, |x, y| if (x / 8 + y / 8) % 2 == 0 { 2.0 } else { 0.5 });
+    let map = EnvironmentMap { turn: 0.3, ..checks };
+    let table = EnvironmentMap::table(Some(&map));
+    let twin = Afar { table: &table, at: [0; 2] };
+    let view = down(0.6);
+    let mirror = material(Vec3::ONE.extend(1.0), 1.0, 0.0);
+    let flat = trs(DVec3::ZERO, DQuat::from_rotation_x(-FRAC_PI_2), 20.0);
+    let scene =
+        || Scene { environment_map: Some(map.clone()), ..Build::new(0.0).square(mirror.clone(), flat).camera(&view) };
+    let base = Settings { size: [24, 16], float_output: true, spp: 1, ..Settings::of(Method::Supersample) };
+    let shown = |path_depth: u32| {
+        let settings = Settings { path_depth, gloss: 1.0, ..base.clone() };
+        reds(&mean_of(scene(), &settings, view, 1)).map(|(_, red)| red).collect::<Vec<_>>()
+    };
+    let [blurred, sharp, deeper] = [shown(0), shown(1), shown(3)];
+    assert!(sharp == deeper, "the sky is the sky");
+    let [mut most, mut apart] = [0.0_f64; 2];
+    for (i, (blurred, sharp)) in blurred.iter().zip(&sharp).enumerate() {
+        let at = DVec2::new((i % 24) as f64, (i / 24) as f64);
+        // Samples lie somewhere in the pixel and its neighbours: where the maps change over them, their ratio does too.
+        let corners = (0..81).map(|k| DVec2::new(f64::from(k % 9), f64::from(k / 9)) * (3.0 / 8.0) - 1.0);
+        let ratio = |p: DVec2| {
+            let d = direction(&view, base.size, at + p) * DVec3::new(1.0, -1.0, 1.0);
+            let d = d.as_vec3().to_array();
+            twin.blurred(d).0.x / twin.radiance(d).0.x
+        };
+        let ratios: Vec<f64> = corners.map(ratio).collect();
+        let [low, high] =
+            [f64::min as fn(f64, f64) -> f64, f64::max].map(|f| ratios.iter().copied().reduce(f).unwrap());
+        // Between the 9 x 9 points the ratio moves by an eighth of its range at most, where that is monotonic.
+        let slack = (high - low) / 8.0 + 1e-3;
+        let found = blurred / sharp;
+        assert!(found > low - slack && found < high + slack, "{at}: {found} is not in {low}..{high}");
+        most = most.max(high - low);
+        apart = apart.max((found - 1.0).abs());
+    }
+    println!("ratios of up to {:.2} from 1, within {most:.2} of a pixel", apart);
+    assert!(apart > 0.2, "the maps differ");
+}
+
 #[test]
 fn a_map_takes_the_last_of_the_lights() {
     let device = Device::with_options(&ContextOptions { device: None, validation: false }).unwrap();

@@ -26,9 +26,13 @@ uint environment_row(uint row) {
     return ENVIRONMENT_HEADER + ENVIRONMENT_ROW * row;
 }
 
-vec3 environment_texel(uvec2 size, uvec2 at) {
-    uint texel = at.y * size.x + at.x;
-    uint first = environment_row(size.y + 1u) + size.y * (size.x + 1u) + 3u * texel;
+// Where the texels of the map itself begin.
+uint environment_texels(uvec2 size) {
+    return environment_row(size.y + 1u) + size.y * (size.x + 1u);
+}
+
+vec3 environment_texel(uint texels, uint width, uvec2 at) {
+    uint first = texels + 3u * (at.y * width + at.x);
     return vec3(environment_float(first), environment_float(first + 1u), environment_float(first + 2u));
 }
 
@@ -97,7 +101,7 @@ FromAfar environment_sample(uvec2 at) {
     precise vec3 direction = vec3(v.y * level, c - s, -v.x * level);
     // Solid angle over chance, one division at a time.
     float rare = environment_float(upper + 2u) / (float(own.y) / float(ENVIRONMENT_ONE)) / (float(own.x) / float(ENVIRONMENT_ONE));
-    return FromAfar(direction, environment_texel(size, found) * rare);
+    return FromAfar(direction, environment_texel(environment_texels(size), size.x, found) * rare);
 }
 
 // Which part of a full turn it is from the x axis to v, 0..1. Polynomials for the reason given at turn_vector: within 2^-21.
@@ -122,9 +126,8 @@ float turn_of(vec2 v) {
     return whole;
 }
 
-// What the map looks like in a direction of any length: interpolated between the middles of its texels.
-vec3 environment_radiance(vec3 direction) {
-    uvec2 size = uvec2(environment_map.data[0], environment_map.data[1]);
+// A map of this size, whose texels begin there, in a direction of any length: interpolated between the middles of its texels.
+vec3 environment_interpolated(vec3 direction, uvec2 size, uint texels) {
     precise float level = sqrt(direction.x * direction.x + direction.z * direction.z);
     precise float turn = turn_of(vec2(-direction.z, direction.x)) + 0.5 + environment_float(2u);
     precise float x = (turn - floor(turn)) * float(size.x) - 0.5;
@@ -135,9 +138,22 @@ vec3 environment_radiance(vec3 direction) {
     uint right = (left + 1u) % size.x;
     uint top = uint(clamp(int(low.y), 0, int(size.y) - 1));
     uint bottom = uint(clamp(int(low.y) + 1, 0, int(size.y) - 1));
-    vec3 above = mix(environment_texel(size, uvec2(left, top)), environment_texel(size, uvec2(right, top)), part.x);
-    vec3 below = mix(environment_texel(size, uvec2(left, bottom)), environment_texel(size, uvec2(right, bottom)), part.x);
+    vec3 above = mix(environment_texel(texels, size.x, uvec2(left, top)), environment_texel(texels, size.x, uvec2(right, top)), part.x);
+    vec3 below =
+        mix(environment_texel(texels, size.x, uvec2(left, bottom)), environment_texel(texels, size.x, uvec2(right, bottom)), part.x);
     return mix(above, below, part.y);
+}
+
+// What the map looks like.
+vec3 environment_radiance(vec3 direction) {
+    uvec2 size = uvec2(environment_map.data[0], environment_map.data[1]);
+    return environment_interpolated(direction, size, environment_texels(size));
+}
+
+// What it looks like blurred: what stands in for all that a path would meet (paper 2, section 3.5).
+vec3 environment_blurred(vec3 direction) {
+    uvec2 size = uvec2(ENVIRONMENT_BLURRED_WIDTH, ENVIRONMENT_BLURRED_HEIGHT);
+    return environment_interpolated(direction, size, environment_map.data[3]);
 }
 
 #endif

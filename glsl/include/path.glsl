@@ -63,7 +63,7 @@ uint follow_path(Seen seen, uint slot, uint seed, uint step, vec3 throughput, ui
         return PATH_ENDS;
     }
     if (step >= frame.data.path_depth) {
-        radiance += weight * sky_radiance(next.direction);
+        radiance += weight * beyond_radiance(next.direction);
         return PATH_ENDS;
     }
     uint within = next.through && solid ? beyond : inside;

@@ -92,6 +92,20 @@ vec3 left_of_light(vec3 point, vec3 direction, float distance) {
 }
 #endif
 
+#ifdef PATH
+// What stands in for what lies there, where a path ends: light from all around, blurred, for one ray says little of it and a sun in
+// it would sparkle.
+vec3 beyond_radiance(vec3 direction) {
+    vec3 radiance = frame.data.environment.rgb;
+#ifdef ENVIRONMENT
+    if (has_environment_map()) {
+        radiance += environment_blurred(direction);
+    }
+#endif
+    return radiance;
+}
+#endif
+
 // Towards the viewer; `lit_bits` are the lights that reach it, `rays` says that its lobe is followed by a ray.
 vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays) {
     Surface s = seen.surface;

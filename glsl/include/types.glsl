@@ -167,12 +167,15 @@ const uint LIGHT_POINT = 0u;
 const uint LIGHT_SPOT = 1u;
 const uint LIGHT_DIRECTIONAL = 2u;
 
-// The map of light from all around, in words: a header of four (width, height, turn as the bits of a float, 0; a width of 0:
-// there is none), four for each row and for the end (sin^2 and cos^2 of half the angle from the zenith to its upper edge, solid
-// angle of each of its texels in steradians, as the bits of floats; chance of the rows above, ENVIRONMENT_ONE to one), for each
-// row a word a texel and for the end (chance of the texels to its left), and three floats a texel.
+// The map of light from all around, in words: a header of four (width, height, turn as the bits of a float, first word of the
+// blurred map; a width of 0: there is none), four for each row and for the end (sin^2 and cos^2 of half the angle from the zenith
+// to its upper edge, solid angle of each of its texels in steradians, as the bits of floats; chance of the rows above,
+// ENVIRONMENT_ONE to one), for each row a word a texel and for the end (chance of the texels to its left), and three floats a
+// texel; then the same map, small and blurred, three floats a texel.
 const uint ENVIRONMENT_HEADER = 4u;
 const uint ENVIRONMENT_ROW = 4u;
+const uint ENVIRONMENT_BLURRED_WIDTH = 32u;
+const uint ENVIRONMENT_BLURRED_HEIGHT = 16u;
 const uint ENVIRONMENT_ONE = 0x80000000u;
 const uint ENVIRONMENT_LIGHT = 31u;  // bit of `lit` that stands for it, where there is one
 

@@ -3,7 +3,9 @@
 
 use super::lens::turn_vector;
 use super::stage::U;
-use crate::shaders::{ENVIRONMENT_HEADER, ENVIRONMENT_ONE, ENVIRONMENT_ROW};
+use crate::shaders::{
+    ENVIRONMENT_BLURRED_HEIGHT, ENVIRONMENT_BLURRED_WIDTH, ENVIRONMENT_HEADER, ENVIRONMENT_ONE, ENVIRONMENT_ROW,
+};
 use glam::{DVec2, DVec3, Vec3};
 
 /// A table as [`crate::scene::EnvironmentMap::table`] makes it, and one draw from it.
@@ -26,6 +28,13 @@ pub struct Drawn {
     pub density: f64,
     /// Radiance over density.
     pub irradiance: DVec3,
+}
+
+/// A map in the table: how many texels across and down, and where they begin.
+#[derive(Debug, Clone, Copy)]
+struct Grid {
+    size: [u32; 2],
+    texels: u32,
 }
 
 /// Radians that a direction on a device may be off by. Its longitude is a sum below 2 times a turn: 2.5 ulp of a division, two
@@ -52,9 +61,14 @@ impl Afar<'_> {
         ENVIRONMENT_HEADER + ENVIRONMENT_ROW * row
     }
 
-    fn texel(&self, x: u32, y: u32) -> DVec3 {
+    /// The map itself.
+    fn sharp(&self) -> Grid {
         let [width, height] = self.size();
-        let first = Self::row(height + 1) + height * (width + 1) + 3 * (y * width + x);
+        Grid { size: [width, height], texels: Self::row(height + 1) + height * (width + 1) }
+    }
+
+    fn texel(&self, grid: Grid, x: u32, y: u32) -> DVec3 {
+        let first = grid.texels + 3 * (y * grid.size[0] + x);
         DVec3::from([0, 1, 2].map(|i| f64::from(self.float(first + i))))
     }
 
@@ -88,7 +102,7 @@ impl Afar<'_> {
         let one = f64::from(ENVIRONMENT_ONE);
         let chance = f64::from(row_share) / one * (f64::from(share) / one);
         let density = chance / f64::from(self.float(Self::row(row) + 2));
-        let irradiance = self.texel(column, row) / density;
+        let irradiance = self.texel(self.sharp(), column, row) / density;
         Some(Drawn { texel: [column, row], direction: self.direction([column, row], inside), density, irradiance })
     }
 
@@ -105,30 +119,40 @@ impl Afar<'_> {
 
     /// What the map looks like in a direction of any length but 0, and what a device's may differ by.
     pub fn radiance(&self, direction: [f32; 3]) -> (DVec3, DVec3) {
-        let [width, height] = self.size();
+        self.looked_up(self.sharp(), direction)
+    }
+
+    /// The same of what it looks like blurred.
+    pub fn blurred(&self, direction: [f32; 3]) -> (DVec3, DVec3) {
+        let size = [ENVIRONMENT_BLURRED_WIDTH, ENVIRONMENT_BLURRED_HEIGHT];
+        self.looked_up(Grid { size, texels: self.table[3] }, direction)
+    }
+
+    fn looked_up(&self, grid: Grid, direction: [f32; 3]) -> (DVec3, DVec3) {
+        let [width, height] = grid.size;
         let d = DVec3::from(direction.map(f64::from));
         let level = DVec2::new(d.x, d.z).length();
         let turn = d.x.atan2(-d.z) / std::f64::consts::TAU + 0.5 + f64::from(self.float(2));
         let x = (turn - turn.floor()) * f64::from(width) - 0.5;
         let y = level.atan2(d.y) / std::f64::consts::PI * f64::from(height) - 0.5;
-        let value = self.interpolated(x, y);
+        let value = self.interpolated(grid, x, y);
         // A turn is within 2^-21, and what is added to it is below 3; coordinates round once more. A corner of what is
         // interpolated may lie between the two places: both sides of it are looked at.
         let off = [f64::from(width), 2.0 * f64::from(height)].map(|side| side * (2f64.powi(-21) + 4.0 * U));
         let steps = [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]];
-        let moved = steps.map(|[a, b]| (self.interpolated(x + a * off[0], y + b * off[1]) - value).abs());
+        let moved = steps.map(|[a, b]| (self.interpolated(grid, x + a * off[0], y + b * off[1]) - value).abs());
         let most = moved.into_iter().fold(DVec3::ZERO, DVec3::max);
         // Interpolation rounds three times, in each of two directions; moves along both axes add up, and mixed terms are less.
         (value, 4.0 * most + 16.0 * U * value + off[0] * off[1] * value)
     }
 
-    fn interpolated(&self, x: f64, y: f64) -> DVec3 {
-        let [width, height] = self.size().map(i64::from);
+    fn interpolated(&self, grid: Grid, x: f64, y: f64) -> DVec3 {
+        let [width, height] = grid.size.map(i64::from);
         let (left, top) = (x.floor(), y.floor());
         let at = |dx: i64, dy: i64| {
             let column = (left as i64 + dx).rem_euclid(width);
             let row = (top as i64 + dy).clamp(0, height - 1);
-            self.texel(column as u32, row as u32)
+            self.texel(grid, column as u32, row as u32)
         };
         let across = |dy: i64| at(0, dy).lerp(at(1, dy), x - left);
         across(0).lerp(across(1), y - top)

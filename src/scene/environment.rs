@@ -1,7 +1,10 @@
 //! Light from all around, as an equirectangular map, and the table by which the device looks at it and draws directions from
 //! it: by how bright it is times the solid angle of a texel, so that a small sun is found as often as it matters.
 
-use crate::shaders::{ENVIRONMENT_HEADER, ENVIRONMENT_ONE, ENVIRONMENT_ROW};
+use crate::shaders::{
+    ENVIRONMENT_BLURRED_HEIGHT, ENVIRONMENT_BLURRED_WIDTH, ENVIRONMENT_HEADER, ENVIRONMENT_ONE, ENVIRONMENT_ROW,
+};
+use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
 /// Radiance from all directions: what a ray that hits nothing sees, and light that casts shadows. It adds to the uniform
@@ -58,6 +61,8 @@ impl EnvironmentMap {
         table.extend(rows(map, &texels));
         texels.chunks(map.width as usize).for_each(|row| table.extend(chances(row.iter().map(|t| luminance(*t)))));
         table.extend(texels.iter().flatten().map(|x| x.to_bits()));
+        table[3] = table.len() as u32;
+        table.extend(blurred(map, &texels).into_iter().flat_map(|texel| texel.to_array()).map(f32::to_bits));
         table
     }
 
@@ -74,6 +79,68 @@ impl EnvironmentMap {
         let height = 2.0 * ((upper + lower) / 2.0).sin() * ((lower - upper) / 2.0).sin();
         height * TAU / f64::from(self.width)
     }
+}
+
+/// How narrow the blur is: the concentration of von Mises' and Fisher's distribution, whose density falls to 1/e within 11.5 degrees.
+const CONCENTRATION: f64 = 50.0;
+/// Cells across and down that the map is reduced to before it is blurred: smaller than the blur.
+const CELLS: [u32; 2] = [2 * ENVIRONMENT_BLURRED_WIDTH, 2 * ENVIRONMENT_BLURRED_HEIGHT];
+
+/// Radiance from a cell of the sphere.
+#[derive(Clone, Copy)]
+struct Cell {
+    middle: DVec3,
+    light: DVec3, // radiance times solid angle
+    angle: f64,   // steradians
+}
+
+/// The map small and blurred, row by row: means over the sphere, weighted by how near a direction is.
+fn blurred(map: &EnvironmentMap, texels: &[[f32; 3]]) -> Vec<Vec3> {
+    let cells = reduced(map, texels);
+    let size = [ENVIRONMENT_BLURRED_WIDTH, ENVIRONMENT_BLURRED_HEIGHT];
+    let mean = |to: DVec3| {
+        let near = |cell: &Cell| (CONCENTRATION * (to.dot(cell.middle) - 1.0)).exp();
+        let add = |(light, weight): (DVec3, f64), cell: &Cell| {
+            (light + cell.light * near(cell), weight + cell.angle * near(cell))
+        };
+        let (light, weight) = cells.iter().fold((DVec3::ZERO, 0.0), add);
+        (light / weight).as_vec3()
+    };
+    middles(size).map(mean).collect()
+}
+
+/// The map in [`CELLS`].
+fn reduced(map: &EnvironmentMap, texels: &[[f32; 3]]) -> Vec<Cell> {
+    let [width, height] = CELLS;
+    let dark = |middle| Cell { middle, light: DVec3::ZERO, angle: 0.0 };
+    let mut cells: Vec<Cell> = middles(CELLS).map(dark).collect();
+    // Large texels count in parts, each in the cell that its middle is in.
+    let [across, down] = [width.div_ceil(map.width), height.div_ceil(map.height)];
+    let fine = EnvironmentMap { width: map.width * across, height: map.height * down, ..EnvironmentMap::default() };
+    let cell_of = |at: u32, fine: u32, cells: u32| u64::from(cells) * (2 * u64::from(at) + 1) / (2 * u64::from(fine));
+    for y in 0..fine.height {
+        let angle = fine.solid_angle(y);
+        let row = cell_of(y, fine.height, height) * u64::from(width);
+        for x in 0..fine.width {
+            let texel = texels[((y / down) * map.width + x / across) as usize].map(f64::from);
+            let cell = &mut cells[(row + cell_of(x, fine.width, width)) as usize];
+            cell.light += DVec3::from(texel) * angle;
+            cell.angle += angle;
+        }
+    }
+    cells
+}
+
+/// Directions of the middles of all texels of a map of a size, row by row.
+fn middles([width, height]: [u32; 2]) -> impl Iterator<Item = DVec3> {
+    let places = (0..height).flat_map(move |y| (0..width).map(move |x| [x, y]));
+    places.map(move |at| towards(at.map(|x| f64::from(x) + 0.5), [width, height]))
+}
+
+/// The unit vector to a place in texels of an unturned map of a size.
+fn towards([x, y]: [f64; 2], [width, height]: [u32; 2]) -> DVec3 {
+    let (longitude, latitude) = (TAU * (x / f64::from(width) - 0.5), PI * y / f64::from(height));
+    DVec3::new(latitude.sin() * longitude.sin(), latitude.cos(), -latitude.sin() * longitude.cos())
 }
 
 /// The words of all rows, and of the end.
@@ -135,12 +202,53 @@ mod tests {
         assert!((whole - 4.0 * PI).abs() < 1e-12);
     }
 
+    /// A sun of one texel: no more and no less than the distribution's density says, wherever in its cell and its texel it is.
+    #[test]
+    fn a_sun_is_blurred_as_the_distribution_says() {
+        let [width, height] = [256, 128];
+        let mut texels = vec![[0.0; 3]; (width * height) as usize];
+        let (column, row) = (70, 50);
+        texels[(row * width + column) as usize] = [1.0; 3];
+        let map = EnvironmentMap { width, height, ..EnvironmentMap::default() };
+        let sun = towards([f64::from(column) + 0.5, f64::from(row) + 0.5], [width, height]);
+        let light = map.solid_angle(row);
+        let density = |angle: f64| (CONCENTRATION * (angle.cos() - 1.0)).exp() * CONCENTRATION / TAU;
+        // A cell's middle is within half a diagonal of the sun. The sum over cells of h = 0.098 rad replaces the integral of a
+        // bell of variance 1/50: what is lost of it is exp(-2 (pi / h)^2 / 50) by Poisson's sum, nothing; but cells of the
+        // equator's width are h^2 / 24 of themselves off in solid angle, in both directions: a thousandth.
+        let off = 0.5 * PI / f64::from(CELLS[1]) * 2f64.sqrt();
+        let size = [ENVIRONMENT_BLURRED_WIDTH, ENVIRONMENT_BLURRED_HEIGHT];
+        let mut seen = 0;
+        for (texel, to) in blurred(&map, &texels).into_iter().zip(middles(size)) {
+            let angle = to.angle_between(sun);
+            let [least, most] = [density((angle + off).min(PI)), density((angle - off).max(0.0))];
+            let found = f64::from(texel.x) / light;
+            let tiny = f64::from(f32::MIN_POSITIVE) / light;
+            assert!(found >= 0.999 * least - tiny && found <= 1.001 * most, "{angle}: {least} {found} {most}");
+            seen += u32::from(angle < 0.2);
+        }
+        assert!(seen > 2, "some are near");
+    }
+
+    #[test]
+    fn what_is_alike_all_around_is_not_changed_by_the_blur() {
+        for [width, height] in [[1, 1], [3, 2], [100, 37]] {
+            let value = Vec3::new(0.75, 0.0, 1e20);
+            let texels = vec![value.to_array(); (width * height) as usize];
+            let map = EnvironmentMap { width, height, ..EnvironmentMap::default() };
+            for texel in blurred(&map, &texels) {
+                assert!((texel - value).abs().cmple(value * 1e-6).all(), "{texel}");
+            }
+        }
+    }
+
     #[test]
     fn what_is_no_light_is_black_and_what_is_too_bright_is_cut() {
         let texels = vec![[f32::NAN, -1.0, f32::INFINITY], [f32::NEG_INFINITY, 0.0, 2.0]];
         let map = EnvironmentMap { width: 2, height: 1, texels, scale: 0.5, ..EnvironmentMap::default() };
         let table = EnvironmentMap::table(Some(&map));
-        let floats: Vec<f32> = table[table.len() - 6..].iter().map(|bits| f32::from_bits(*bits)).collect();
+        let end = table[3] as usize;
+        let floats: Vec<f32> = table[end - 6..end].iter().map(|bits| f32::from_bits(*bits)).collect();
         assert_eq!(floats, [0.0, 0.0, BRIGHTEST, 0.0, 0.0, 1.0]);
         // What is not whole is not read past its end.
         assert_eq!(EnvironmentMap::table(Some(&EnvironmentMap { width: 3, ..map })), [0; 4]);

@@ -89,8 +89,7 @@ fn rounded(outline: &[(DVec2, f64)]) -> Vec<(DVec2, DVec2)> {
     let last = outline.len() - 1;
     let along = |i: usize| (outline[i + 1].0 - outline[i].0).normalize();
     let mut profile = vec![(outline[0].0, along(0).perp())];
-    for i in 1..last {
-        let (corner, radius) = outline[i];
+    for (i, &(corner, radius)) in outline.iter().enumerate().take(last).skip(1) {
         let (from, to) = (along(i - 1), along(i));
         let turn = from.angle_to(to);
         let start = corner - from * (radius * (0.5 * turn).tan().abs());
