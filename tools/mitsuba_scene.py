@@ -128,8 +128,10 @@ class Document:
         from PIL import Image
 
         image = self.json["images"][self.json["textures"][texture]["source"]]
-        data = self.resolve(image["uri"]) if "uri" in image else self.view(image["bufferView"])[0]
-        return np.array(Image.open(io.BytesIO(data)).convert("RGB"))
+        return np.array(Image.open(io.BytesIO(self.encoded(image))).convert("RGB"))
+
+    def encoded(self, image):
+        return self.resolve(image["uri"]) if "uri" in image else self.view(image["bufferView"])[0]
 
     def worlds(self, scale=1.0, origin=(0, 0, 0)):
         """World matrices of all nodes in the scene, by number; with another length for a metre, about another origin."""
@@ -287,22 +289,25 @@ def write(scene, source, target):
     first = len(tree["nodes"])
     tree["nodes"] += nodes
     tree["scenes"][tree.get("scene", 0)]["nodes"] += range(first, first + len(nodes))
-    shutil.copytree(source.parent, target, dirs_exist_ok=True)
-    decode(tree, target)
+    # Contents alone: who may not write the source may write this.
+    shutil.copytree(source.parent, target, copy_function=shutil.copyfile, dirs_exist_ok=True)
+    for place in (target, *target.rglob("*")):
+        place.chmod(0o755 if place.is_dir() else 0o644)
+    decode(document, target)
     document.write(target / f"scene{source.suffix}")
     if scene.light == "map":
         write_exr(sky(), target / "sky.exr")
 
 
-def decode(tree, target):
+def decode(document, target):
     """JPEG's decoders may differ by a step or two, and in how they spread colour: both get what one of them makes of it."""
     from PIL import Image
 
-    for image in tree.get("images", []):
-        uri = image.get("uri", "data:")
-        if not uri.startswith("data:") and Path(uri).suffix in (".jpg", ".jpeg"):
-            image["uri"], image["mimeType"] = uri + ".png", "image/png"
-            Image.open(target / uri).convert("RGB").save(target / image["uri"], compress_level=1)
+    for number, image in enumerate(document.json.get("images", [])):
+        picture = Image.open(io.BytesIO(document.encoded(image)))
+        if picture.format == "JPEG":
+            document.json["images"][number] = {"uri": f"decoded-{number}.png"}
+            picture.convert("RGB").save(target / f"decoded-{number}.png", compress_level=1)
 
 
 def plain(tree, scene):
