@@ -30,16 +30,10 @@ layout(set = 0, binding = 11, std430) writeonly buffer Reached { uint data[]; } 
 
 #endif
 
+#include "identity.glsl"
 #include "slots.glsl"
 
 #ifdef STABLE
-// Whether this is the point that it was. Verification only marks a sample: one with another instance is lost, and one at
-// another place was replaced.
-bool is_same_point(Sample a, Sample b) {
-    bool instance = ((a.instance ^ b.instance) & INSTANCE_MASK) == 0u;
-    return instance && floatBitsToUint(a.position) == floatBitsToUint(b.position);
-}
-
 vec4 change_of(uint slot) {
     uint lights = lit.data[slot];
     reached.data[slot] = lights;

@@ -1,6 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // How many secondary rays a step has: the arguments of its dispatches. One thread.
+//
+// variant diffuse: DIFFUSE
 #include "types.glsl"
 
 layout(local_size_x = 1) in;
@@ -15,6 +17,10 @@ void main() {
     path_counters.data[push.step].trace_x = min(groups, 32768u);
     path_counters.data[push.step].trace_y = (groups + 32767u) / 32768u;
     path_counters.data[push.step].trace_z = 1u;
+#ifdef DIFFUSE
+    counters.data.indirect_rays += reflected + refracted;
+#else
     counters.data.reflection_rays += reflected;
     counters.data.refraction_rays += refracted;
+#endif
 }

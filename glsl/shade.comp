@@ -118,12 +118,12 @@ uint shade(uint slot, Found f) {
         Seen seen = seen_from(viewer, f);
 #ifdef PATH
         bool rays = is_followed(seen.surface);
-        radiance = radiance_of(seen, seed, lit.data[slot], rays);
+        radiance = radiance_of(seen, seed, lit.data[slot], rays, frame.data.indirect > 0u);
         if (rays) {
             kind = follow_path(seen, slot, seed, 0u, vec3(1.0), 0u, radiance);
         }
 #else
-        radiance = radiance_of(seen, seed, lit.data[slot], false);
+        radiance = radiance_of(seen, seed, lit.data[slot], false, false);
 #endif
     }
     vec2 offset;

@@ -4,9 +4,10 @@
 // the rays towards lights behind the surface are not traced and leave their bits zero, as do lights that are not chosen. A map
 // of light from all around gets one ray more, and the last bit.
 //
-// The `bounce` variant asks the same of what the secondary rays of a step have found.
+// The `bounce` variant asks the same of what the secondary rays of a step have found, `diffuse` of those of diffuse paths.
 //
 // variant bounce: BOUNCE PATH LENS AREA ENVIRONMENT
+// variant diffuse: BOUNCE DIFFUSE PATH LENS AREA ENVIRONMENT
 // models: ALPHA LENS AREA ENVIRONMENT
 #define TRAVERSE_ANY
 #include "types.glsl"
@@ -44,6 +45,9 @@ layout(set = 0, binding = 21, std430) readonly buffer PathCountersBlock { PathCo
 layout(push_constant) uniform Push { uint step; } push;
 #include "path_list.glsl"
 #endif
+#ifdef DIFFUSE
+layout(set = 0, binding = 22, std430) readonly buffer PathDirections { uvec4 data[]; } path_directions;
+#endif
 #include "place.glsl"
 #ifdef ALPHA
 // Light passes straight through what transmits: it is not refracted on its way from a light.
@@ -69,7 +73,11 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
     SurfacePoint point = surface_point(inst.to_relative, inst.to_object, c.v0, c.v1, c.v2, f.u, f.v);
     // The lit side is the one that is seen.
 #ifdef BOUNCE
+#ifdef DIFFUSE
+    uint seed = diffuse_seed(push.step + 1u);
+#else
     uint seed = path_seed(seeds.data[slot], push.step + 1u);
+#endif
     vec3 seen_along = point.position - uintBitsToFloat(path_origins.data[slot].xyz);
 #elif defined(LENS)
     uint seed = seeds.data[slot];
@@ -142,6 +150,13 @@ void main() {
     uint slot = listed_path(push.step, dense_index());
     bool listed = slot != NO_PATH;
     uint salt = frame.data.seed + 0x9e3779b9u * (push.step + 1u);
+#ifdef DIFFUSE
+    if (listed) {
+        path_number = path_origins.data[slot].w;
+        path_scramble = path_directions.data[slot].w;
+        salt = hash_combine(salt, path_number);
+    }
+#endif
 #else
     uint slot = dense_index();
     bool listed = slot < counters.data.samples;

@@ -363,6 +363,7 @@ impl Renderer {
         let still = last.as_ref().map_or(0, |l| {
             if l.view == inputs.view && l.pose.stands_like(inputs.pose) { l.still.saturating_add(1) } else { 0 }
         });
+        let lit_alike = last.as_ref().is_some_and(|l| l.pose.is_lit_like(inputs.pose));
         let frame = last.as_ref().map_or(0, |l| l.frame.wrapping_add(1));
         let moment = Moment {
             view: inputs.view,
@@ -371,6 +372,7 @@ impl Renderer {
             reset: last.is_none(),
             // The first still frame repairs what the last movement left; from the second on the pattern stays.
             settled: still >= 2,
+            lit_alike,
             lights: self.scene.lights.len() as u32,
             instances: self.scene.geometry.instance_meshes.len() as u32,
         };
@@ -435,8 +437,9 @@ impl Frames {
         let buffers = FrameBuffers::new(context, settings, &storage, instances, lights, deforming)?;
         let shapes = deforming::targets(scene, &scene.resources(), buffers.resources(0).previous_corners);
         let ring = Ring::new(context, scene, &shapes)?;
-        // Two plans of less than 28 passes each, and four for each step of paths.
-        let kit = Kit::new(context, 2 * (28 + 4 * shaders::PATH_STEPS), model.bits())?;
+        // Two plans of less than 32 passes each, and four for each step of paths and of diffuse ones.
+        let steps = shaders::PATH_STEPS + settings.indirect.depth;
+        let kit = Kit::new(context, 2 * (32 + 4 * steps), model.bits())?;
         let plan_of = |slot: usize| -> Result<Plan> {
             let resources = buffers.resources(slot);
             let transfers = ring.transfers(slot, &resources, scene, &shapes);

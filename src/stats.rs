@@ -14,6 +14,8 @@ pub struct FrameStats {
     pub reflection_rays: u32,
     /// Secondary rays of what passed through a surface.
     pub refraction_rays: u32,
+    /// Secondary rays of diffuse paths.
+    pub indirect_rays: u32,
     /// Samples that were reprojected onto the screen and kept; with a fill, those that were evicted then too; with point
     /// tracking, rays towards points of the last frame.
     pub reused: u32,
@@ -62,6 +64,7 @@ impl FrameStats {
             shadow_rays: c.shadow_rays,
             reflection_rays: c.reflection_rays,
             refraction_rays: c.refraction_rays,
+            indirect_rays: c.indirect_rays,
             reused,
             added,
             evicted: c.evicted,

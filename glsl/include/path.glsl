@@ -1,6 +1,6 @@
 // How paths go on from one surface to the next (paper 2, sections 3.3 and 3.5). Needs what radiance.glsl needs, and the bindings
-//   buffer .. { uvec4 data[]; } path_origins;     one a sample: origin of its ray, camera-relative; unused
-//   buffer .. { uvec4 data[]; } path_directions;  its unit direction; unused
+//   buffer .. { uvec4 data[]; } path_origins;     one a sample: origin of its ray, camera-relative; of diffuse paths the number
+//   buffer .. { uvec4 data[]; } path_directions;  its unit direction; of diffuse paths the scrambling
 //   buffer .. { uvec4 data[]; } path_weights;     what its radiance counts for; what it is inside of
 //   buffer .. { uint data[]; } path_list;         two in turn, `capacity` samples each: see PathCounters
 //   buffer .. { PathCounters data[]; } path_counters;
@@ -40,12 +40,38 @@ vec3 transmittance(uint inside, float length) {
     return material == 0u ? vec3(1.0) : exp(-materials.data[material - 1u].absorption * length);
 }
 
+bool transmits(Reflector r) {
+    return r.opaque < 1.0 && r.metallic < 1.0;
+}
+
 // Whether a surface's lobe is followed by a ray.
 bool is_followed(Surface s) {
     bool glossy = frame.data.gloss > 0.0 && s.reflector.roughness <= frame.data.gloss;
-    bool transmits = s.reflector.opaque < 1.0 && s.reflector.metallic < 1.0;
-    return !s.unlit && (s.exponent > 0.0 || glossy || transmits);
+    return !s.unlit && (s.exponent > 0.0 || glossy || transmits(s.reflector));
 }
+
+// Where a path ends that finds nothing more, and how many rays it has at most. The map of light from all around has been sampled
+// where a diffuse path left a surface: its rays bring the rest.
+#ifdef DIFFUSE
+vec3 radiance_beyond(vec3 direction) {
+    return frame.data.environment.rgb;
+}
+
+uint most_rays() {
+    return frame.data.indirect;
+}
+#else
+const uint path_number = 0u;
+const uint path_scramble = 0u;
+
+vec3 radiance_beyond(vec3 direction) {
+    return sky_radiance(direction);
+}
+
+uint most_rays() {
+    return frame.data.path_depth;
+}
+#endif
 
 // The next ray of a sample's path, if it goes on; what comes without one is added to the radiance.
 uint follow_path(Seen seen, uint slot, uint seed, uint step, vec3 throughput, uint inside, inout vec3 radiance) {
@@ -62,13 +88,13 @@ uint follow_path(Seen seen, uint slot, uint seed, uint step, vec3 throughput, ui
     if (!(largest_component(weight) > 0.0)) {
         return PATH_ENDS;
     }
-    if (step >= frame.data.path_depth) {
+    if (step >= most_rays()) {
         radiance += weight * beyond_radiance(next.direction);
         return PATH_ENDS;
     }
     uint within = next.through && solid ? beyond : inside;
-    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, next.direction)), 0u);
-    path_directions.data[slot] = uvec4(floatBitsToUint(next.direction), 0u);
+    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, next.direction)), path_number);
+    path_directions.data[slot] = uvec4(floatBitsToUint(next.direction), path_scramble);
     path_weights.data[slot] = uvec4(floatBitsToUint(weight), within);
     return next.through ? PATH_REFRACTED : PATH_REFLECTED;
 }

@@ -106,13 +106,16 @@ vec3 beyond_radiance(vec3 direction) {
 }
 #endif
 
-// Towards the viewer; `lit_bits` are the lights that reach it, `rays` says that its lobe is followed by a ray.
-vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays) {
+// Towards the viewer; `lit_bits` are the lights that reach it, `rays` says that its lobe is followed by a ray, `diffuse` that
+// what it scatters of the surroundings is.
+vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays, bool diffuse) {
     Surface s = seen.surface;
     if (s.unlit) {
         return s.reflector.base_color;
     }
-    vec3 ambient = but_for_rays(from_everywhere(seen), rays);
+    Reflected everywhere = from_everywhere(seen);
+    everywhere.diffuse = diffuse ? vec3(0.0) : everywhere.diffuse;
+    vec3 ambient = but_for_rays(everywhere, rays);
     vec3 radiance = s.emissive + ambient * frame.data.environment.rgb * s.occlusion;
     float weight = light_weight(frame.data.light_count, frame.data.shadow_rays);
 #ifdef AREA

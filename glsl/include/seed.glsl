@@ -22,10 +22,34 @@ const uint PAIR_ENVIRONMENT = 5u;
 const uint PAIR_LOBE = 4u;
 const uint PAIR_CHOICE = 6u;
 
+#ifdef DIFFUSE
+const uint PAIR_DIFFUSE = 0u;  // a diffuse path's directions: pair 0 is free behind the camera
+
+// Of the diffuse path that the thread is about: its number among those of its sample, and what tells the sample from others.
+uint path_number = 0u;
+uint path_scramble = 0u;
+
+// A step of it: another scrambling, of order (Burley 2020) and of values.
+uint diffuse_seed(uint step) {
+    return hash_combine(path_scramble, step);
+}
+
+// A pair of its coordinates, 2^32 to one: the paths of a sample share out one sequence, step by step.
+uvec2 path_bits(uint seed, uint pair) {
+    uvec2 point = sobol_point(owen_scramble(path_number, hash_uint(seed)), 2u * pair);
+    return uvec2(owen_scramble(point.x, hash_combine(seed, 2u * pair)),
+        owen_scramble(point.y, hash_combine(seed, 2u * pair + 1u)));
+}
+#endif
+
 // A pair of coordinates, 2^32 to one.
 uvec2 seed_bits(uint seed, uint pair) {
+#if defined(DIFFUSE) && !defined(AT_CAMERA)
+    return path_bits(seed, pair);
+#else
     uvec2 pixel = uvec2(seed & 16383u, (seed >> 14) & 16383u);
     return sampler_pair(pixel, (seed >> 28) + 16u * frame.data.variation, pair);
+#endif
 }
 
 // The same in [0, 1).

@@ -18,6 +18,8 @@ const uint MODEL_ENVIRONMENT = 64u;  // light comes from all around as a map say
 const uint MODEL_DEFORM = 128u;  // some mesh deforms
 const uint MODEL_PATH = 1024u;  // paths go on behind what the camera sees: reflections, refraction
 // MODEL_PATH brings SEED AREA ENVIRONMENT
+const uint MODEL_INDIRECT = 2048u;  // samples gather what diffuse paths bring
+// MODEL_INDIRECT brings PATH SEED AREA ENVIRONMENT
 const uint MODEL_MEDIUM = 512u;  // there is fog or mist
 // MODEL_MEDIUM brings LENS AREA DEFORM ENVIRONMENT SEED
 
@@ -208,7 +210,7 @@ struct Counters {
     uint histogram[17];  // pixels with 0, 1, ... 16 reprojected unoccluded samples
     uint reflection_rays;
     uint refraction_rays;
-    uint padding0;
+    uint indirect_rays;
 };
 
 // The secondary rays of one step of all paths: those that are reflected are listed from the front of a list, those that are refracted from
@@ -256,6 +258,10 @@ struct Frame {
     float gloss;           // surfaces of at most this roughness send reflection rays; 0: none do
     float part;            // of the paths at a surface that both reflects and transmits, those that are reflected
     uint path_depth;       // secondary rays of a path at most
+    uint indirect;         // rays of a diffuse path; 0: there are none
+    float indirect_alpha;  // least weight of the newest path in its sample's mean while something moves
+    uint indirect_count;   // paths that a mean counts for at most while something moves
+    float indirect_clamp;  // radiance that a path brings at most; 0: no limit
 };
 
 const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut
@@ -263,6 +269,7 @@ const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sa
 const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hidden samples too
 const uint FRAME_NEAREST = 8u;  // textures are not filtered
 const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
+const uint FRAME_LIT_ALIKE = 1024u;  // nothing has moved since the last frame that light falls on or comes from
 const uint FRAME_FILL = 32u;  // pixels have a second run of samples, which a fill has added behind the list
 
 // A participating medium in a frame: see scene/medium.rs.
@@ -279,6 +286,12 @@ struct Medium {
     float per_period;   // periods of the noise a metre
     vec3 noise_origin;  // where in its period the noise is at the camera, 0..1
     uint padding0;
+};
+
+// What the diffuse paths of a sample have brought: 16 bytes.
+struct Gathered {
+    vec3 radiance;  // mean of them: irradiance over pi
+    uint paths;     // bits 0..15: how many the mean counts for; bits 16..31: how many there were, in turns of 2^16
 };
 
 const uint MEDIUM_NONE = 0u;

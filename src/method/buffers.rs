@@ -4,7 +4,9 @@ use super::SLOTS;
 use super::storage::Storage;
 use crate::gpu::buffer::check_range;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Place, Range, Resource};
-use crate::phase::{AovResources, FrameResources, HistoryResources, Memory, PathResources, SeedResources};
+use crate::phase::{
+    AovResources, FrameResources, HistoryResources, IndirectResources, Memory, PathResources, SeedResources,
+};
 use crate::sampler::Sampler;
 use crate::settings::{Aov, Sampling, Settings};
 use crate::shaders::{Counters, Frame, Instance, Light, PATH_STEPS, PathCounters};
@@ -40,6 +42,9 @@ pub struct FrameBuffers {
     previous_corners: Option<Buffer>,
     /// Origins, directions, weights, list and counters.
     paths: Vec<Buffer>,
+    /// What diffuse paths bring; what the rays of paths find, and the lights that reach it.
+    indirect: Option<[Buffer; 3]>,
+    gathered: Vec<Buffer>,
     medium: Option<Buffer>,
     /// The frame.
     pub color: Image,
@@ -82,7 +87,7 @@ impl FrameBuffers {
             ages: many("sample ages", storage.ages, if storage.ages > 0 { storage.caches } else { 0 })?,
             seeds: many("sample seeds", storage.seeds, if storage.seeds > 0 { storage.caches } else { 0 })?,
             sampler_table: if storage.seeds > 0 { Some(sampler_table(context, settings)?) } else { None },
-            sources: if storage.memory > 0 { Some(make("sample changes", storage.memory)?) } else { None },
+            sources: if storage.sources > 0 { Some(make("sample sources", storage.sources)?) } else { None },
             reached: many("sample changes", storage.memory, if storage.memory > 0 { storage.caches } else { 0 })?,
             counters: make("counters", size_of::<Counters>() as u64)?,
             masks: make("masks and plan", storage.masks)?,
@@ -105,6 +110,14 @@ impl FrameBuffers {
             } else {
                 Vec::new()
             },
+            indirect: if storage.gathered > 0 {
+                let sizes = [storage.gathered, storage.found, storage.lit];
+                let [brought, found, lit] = sizes.map(|size| make("indirect light", size));
+                Some([brought?, found?, lit?])
+            } else {
+                None
+            },
+            gathered: many("indirect light", storage.gathered, gathered_buffers(storage))?,
             medium: if storage.medium > 0 { Some(make("medium", storage.medium)?) } else { None },
             color: color_image(context, settings)?,
             aovs: aov_images(context, settings)?,
@@ -138,9 +151,11 @@ impl FrameBuffers {
             samples: cache("samples", slot),
             previous_ages: ages("previous ages", SLOTS - 1 - slot),
             ages: ages("ages", slot),
+            sources: self.sources.as_ref().map(|b| Range::whole("sources", b)),
             memory: self.memory(slot),
             seeds: self.seeds(slot),
-            paths: self.path_resources(),
+            paths: self.path_resources(shared("found", 0, s.found), shared("lit", s.found, s.lit)),
+            indirect: self.indirect_resources(slot),
             previous_corners: self.previous_corners.as_ref().map(|b| Range::whole("previous corners", b)),
             medium: self.medium.as_ref().map(|b| Range::whole("medium", b)),
             claims: shared("claims", 0, s.claims),
@@ -188,7 +203,11 @@ impl FrameBuffers {
         })
     }
 
-    fn path_resources(&self) -> Option<PathResources> {
+    /// What is found on the way takes the place of what the camera saw, unless diffuse paths start from there later.
+    fn path_resources(&self, found: Range, lit: Range) -> Option<PathResources> {
+        let own = self.indirect.as_ref();
+        let [found, lit] = own
+            .map_or([found, lit], |[_, found, lit]| [Range::whole("path found", found), Range::whole("path lit", lit)]);
         let [origins, directions, weights, list, counters] = &self.paths[..] else { return None };
         Some(PathResources {
             origins: Range::whole("path origins", origins),
@@ -196,6 +215,19 @@ impl FrameBuffers {
             weights: Range::whole("path weights", weights),
             list: Range::whole("path list", list),
             counters: Range::whole("path counters", counters),
+            found,
+            lit,
+        })
+    }
+
+    fn indirect_resources(&self, slot: usize) -> Option<IndirectResources> {
+        let [brought, ..] = self.indirect.as_ref()?;
+        let (now, then) = (self.gathered.get(slot % self.gathered.len().max(1))?, self.gathered.get(SLOTS - 1 - slot));
+        let kept = self.gathered.len() == SLOTS;
+        Some(IndirectResources {
+            previous: then.filter(|_| kept).map(|b| Range::whole("previous gathered", b)),
+            gathered: Range::whole("gathered", now),
+            brought: Range::whole("brought", brought),
         })
     }
 
@@ -220,6 +252,15 @@ impl FrameBuffers {
             age: image(Aov::Age)?,
             changes: image(Aov::Changes)?,
         })
+    }
+}
+
+/// Means live from frame to frame where samples do.
+fn gathered_buffers(storage: &Storage) -> u64 {
+    match storage.sampling {
+        _ if storage.gathered == 0 => 0,
+        Sampling::Reprojected => SLOTS as u64,
+        Sampling::Fresh | Sampling::Tracked => 1,
     }
 }
 

@@ -20,6 +20,8 @@ pub struct Moment {
     pub reset: bool,
     /// Nothing has moved for two frames.
     pub settled: bool,
+    /// Nothing has moved since the last frame that light falls on or comes from.
+    pub lit_alike: bool,
     /// Lights in the scene.
     pub lights: u32,
     /// Instances in the scene.
@@ -56,6 +58,9 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     if settings.fills() {
         flags |= shaders::FRAME_FILL;
     }
+    if moment.lit_alike {
+        flags |= shaders::FRAME_LIT_ALIKE;
+    }
     shaders::Frame {
         right,
         up,
@@ -85,6 +90,10 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         gloss: settings.gloss,
         part: settings.path_part,
         path_depth: settings.path_depth,
+        indirect: settings.indirect.depth,
+        indirect_alpha: settings.indirect.alpha,
+        indirect_count: (1.0 / settings.indirect.alpha).round() as u32,
+        indirect_clamp: settings.indirect.clamp,
     }
 }
 

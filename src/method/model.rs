@@ -39,6 +39,8 @@ impl Model {
         let holes = feature(Feature::AlphaMask).or_else(|| feature(Feature::AlphaBlend));
         let alpha = holes.or_else(|| transmission.clone()).or_else(all);
         let gloss = || (settings.gloss > 0.0).then(|| format!("gloss = {}", settings.gloss));
+        let indirect = (settings.indirect.depth > 0).then(|| format!("indirect = {}", settings.indirect.depth));
+        let source = aov(Aov::Changes).or_else(|| indirect.clone().filter(|_| keeps));
         let path = transmission.or_else(|| feature(Feature::PhongLobe)).or_else(gloss).or_else(all);
         let lens = feature(Feature::Lens).or_else(all);
         let area = feature(Feature::AreaLights).or_else(all);
@@ -69,10 +71,11 @@ impl Model {
                 "56 bytes a sample, and a ray with its shadow rays a step",
                 path,
             ),
+            part(shaders::MODEL_INDIRECT, "indirect light", "68 bytes a sample, and a diffuse path each", indirect),
             part(shaders::MODEL_MEDIUM, "fog and mist", "a march a pixel, with a shadow ray a step", medium),
             part(shaders::MODEL_SEED, "seeds of samples", "4 bytes a cached sample", seed),
             part(shaders::MODEL_AGE, "ages of samples", "4 bytes a cached sample", aov(Aov::Age)),
-            part(shaders::MODEL_SOURCE, "what samples were", "8 bytes a cached sample", aov(Aov::Changes)),
+            part(shaders::MODEL_SOURCE, "what samples were", "4 bytes a cached sample, 8 more with the AOV", source),
         ];
         bring(&mut parts);
         Self { parts }

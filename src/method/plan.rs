@@ -61,6 +61,8 @@ pub fn plan(
     }
     passes.push(phase::shade::pass(kit, f, s)?);
     passes.extend(phase::bounce::passes(kit, f, s, settings.path_depth)?);
+    passes.extend(phase::indirect::passes(kit, f, s, settings.indirect.depth)?);
+    passes.extend(phase::accumulate::pass(kit, f)?);
     passes.extend(phase::medium::pass(kit, f, s)?);
     passes.push(phase::reconstruct::pass(kit, f, settings)?);
     passes.push(match &f.history {

@@ -20,9 +20,10 @@
 
 use crate::Result;
 use crate::gpu::buffer::within;
-use crate::settings::{Precision, Sampling, Settings, Temporal};
+use crate::settings::{Aov, Precision, Sampling, Settings, Temporal};
 use crate::shaders::{
-    Found, MODEL_AGE, MODEL_MEDIUM, MODEL_PATH, MODEL_SEED, MODEL_SOURCE, Medium, Sample, Shaded, Tracked,
+    Found, Gathered, MODEL_AGE, MODEL_INDIRECT, MODEL_MEDIUM, MODEL_PATH, MODEL_SEED, MODEL_SOURCE, Medium, Sample,
+    Shaded, Tracked,
 };
 
 /// Sizes in bytes of everything that belongs to a renderer.
@@ -44,12 +45,16 @@ pub struct Storage {
     pub caches: u64,
     /// Ages of one cache, 0 if not asked for.
     pub ages: u64,
-    /// Sources of the samples, and as much for what reached each of one cache; 0 if not asked for.
+    /// Sources of the samples, 0 if not asked for.
+    pub sources: u64,
+    /// What reached each sample of one cache, 0 if not asked for.
     pub memory: u64,
     /// Seeds of one cache, 0 if samples have none.
     pub seeds: u64,
     /// Four words a sample, three times, and as much as two of these words for the lists; 0 if paths do not go on.
     pub paths: u64,
+    /// What the samples of one cache have gathered from diffuse paths, and as much for what paths bring; 0 if there are none.
+    pub gathered: u64,
     /// Constants of the medium, 0 if there is none.
     pub medium: u64,
     /// Claims, 0 if samples are not reprojected.
@@ -117,9 +122,11 @@ impl Storage {
             samples: capacity * size_of::<Sample>() as u64,
             caches: if settings.method.reprojects() { 2 } else { 1 },
             ages: if model & MODEL_AGE != 0 { capacity * 4 } else { 0 },
-            memory: if model & MODEL_SOURCE != 0 { capacity * 4 } else { 0 },
+            sources: if model & MODEL_SOURCE != 0 { capacity * 4 } else { 0 },
+            memory: if stable && settings.aovs.contains(&Aov::Changes) { capacity * 4 } else { 0 },
             seeds: if model & MODEL_SEED != 0 { capacity * 4 } else { 0 },
             paths: if model & MODEL_PATH != 0 { capacity * 16 } else { 0 },
+            gathered: if model & MODEL_INDIRECT != 0 { capacity * size_of::<Gathered>() as u64 } else { 0 },
             medium: if model & MODEL_MEDIUM != 0 { size_of::<Medium>() as u64 } else { 0 },
             claims,
             masks: if stable { pixels * 4 } else { 0 },
@@ -162,6 +169,7 @@ impl Storage {
             ("the sample ages", self.ages),
             ("the samples' seeds", self.seeds),
             ("the paths", self.paths),
+            ("what the samples have gathered", self.gathered),
             ("the history", self.history),
             ("what is remembered of the samples", self.memory),
             ("the pixels' offsets", self.offsets),

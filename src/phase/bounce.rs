@@ -6,7 +6,20 @@
 use super::{FrameResources, Kit, PathResources, SceneResources, b};
 use crate::Result;
 use crate::gpu::{Pass, Range, Threads};
-use crate::shaders::{PathCounters, bounce, route, scatter, shadow_bounce};
+use crate::shaders::{
+    PathCounters, bounce, route, route_diffuse, scatter, scatter_diffuse, shadow_bounce, shadow_diffuse,
+};
+
+/// What all paths of a frame are followed for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Round {
+    /// Of its passes.
+    pub label: &'static str,
+    /// Diffuse paths, or what reflections and refractions show.
+    pub diffuse: bool,
+    /// What is added to: shaded samples, or what diffuse paths bring.
+    pub sum: Range,
+}
 
 /// The passes of so many steps; none where paths are not modelled.
 ///
@@ -14,129 +27,140 @@ use crate::shaders::{PathCounters, bounce, route, scatter, shadow_bounce};
 /// [`crate::Error::Vulkan`] if a pipeline cannot be made.
 pub fn passes(kit: &Kit, f: &FrameResources, s: &SceneResources, steps: u32) -> Result<Vec<Pass>> {
     let Some(paths) = &f.paths else { return Ok(Vec::new()) };
+    follow(kit, f, s, paths, Round { label: "bounce", diffuse: false, sum: f.shaded }, steps)
+}
+
+/// The passes of so many steps of a round.
+pub(super) fn follow(
+    kit: &Kit,
+    f: &FrameResources,
+    s: &SceneResources,
+    paths: &PathResources,
+    round: Round,
+    steps: u32,
+) -> Result<Vec<Pass>> {
     let mut passes = Vec::new();
     for step in 0..steps {
-        let threads = threads(paths, step);
-        passes.push(route_pass(kit, f, paths, step)?);
-        passes.push(bounce_pass(kit, f, s, paths, step, threads)?);
-        passes.push(shadow_pass(kit, f, s, paths, step, threads)?);
-        passes.push(scatter_pass(kit, f, s, paths, step, threads)?);
+        let step = Step { kit, f, s, paths, round, step };
+        passes.extend([step.route()?, step.bounce()?, step.shadow()?, step.scatter()?]);
     }
     Ok(passes)
 }
 
-/// A thread a ray of a step.
-fn threads(paths: &PathResources, step: u32) -> Threads {
-    let offset = paths.counters.offset + u64::from(step) * size_of::<PathCounters>() as u64;
-    Threads::Indirect(Range { name: "path arguments", offset, size: 12, ..paths.counters })
-}
-
-fn route_pass(kit: &Kit, f: &FrameResources, paths: &PathResources, step: u32) -> Result<Pass> {
-    let bindings = route::Bindings { path_counters: b(paths.counters), counters: b(f.counters) };
-    let push = route::Push { step };
-    kit.dispatch("bounce", route::SHADER, &bindings.list(), bytemuck::bytes_of(&push), Threads::Exactly([1, 1, 1]))
-}
-
-fn bounce_pass(
-    kit: &Kit,
-    f: &FrameResources,
-    s: &SceneResources,
-    paths: &PathResources,
+/// A step of all paths.
+struct Step<'a> {
+    kit: &'a Kit,
+    f: &'a FrameResources,
+    s: &'a SceneResources,
+    paths: &'a PathResources,
+    round: Round,
     step: u32,
-    threads: Threads,
-) -> Result<Pass> {
-    let bindings = bounce::Bindings {
-        frame: b(f.frame),
-        instances: b(f.instances),
-        nodes: b(s.nodes),
-        corners: b(s.corners),
-        rest: b(s.rest),
-        path_origins: b(paths.origins),
-        path_directions: b(paths.directions),
-        path_list: b(paths.list),
-        path_counters: b(paths.counters),
-        found: b(f.found),
-        triangles: Some(b(s.triangles)),
-        materials: Some(b(s.materials)),
-        vertices: Some(b(s.vertices)),
-        atlas: Some(s.atlas),
-        srgb: Some(b(s.srgb)),
-    };
-    let shader = bounce::modelling(kit.model());
-    kit.dispatch("bounce", shader, &bindings.of(shader), bytemuck::bytes_of(&bounce::Push { step }), threads)
 }
 
-fn shadow_pass(
-    kit: &Kit,
-    f: &FrameResources,
-    s: &SceneResources,
-    paths: &PathResources,
-    step: u32,
-    threads: Threads,
-) -> Result<Pass> {
-    let Some(seeds) = f.seeds else { return Err(super::missing("the seeds of samples")) };
-    let bindings = shadow_bounce::Bindings {
-        frame: b(f.frame),
-        instances: b(f.instances),
-        counters: b(f.counters),
-        nodes: b(s.nodes),
-        corners: b(s.corners),
-        rest: b(s.rest),
-        lights: b(f.lights),
-        found: b(f.found),
-        lit: b(f.lit),
-        samples: b(f.samples),
-        triangles: Some(b(s.triangles)),
-        materials: Some(b(s.materials)),
-        vertices: Some(b(s.vertices)),
-        atlas: Some(s.atlas),
-        srgb: Some(b(s.srgb)),
-        seeds: b(seeds.now),
-        sampler_table: b(seeds.table),
-        environment_map: b(s.environment_map),
-        path_origins: b(paths.origins),
-        path_list: b(paths.list),
-        path_counters: b(paths.counters),
-    };
-    let shader = shadow_bounce::modelling(kit.model());
-    let push = shadow_bounce::Push { step };
-    kit.dispatch("bounce", shader, &bindings.of(shader), bytemuck::bytes_of(&push), threads)
-}
+impl Step<'_> {
+    /// A thread a ray.
+    fn threads(&self) -> Threads {
+        let counters = self.paths.counters;
+        let offset = counters.offset + u64::from(self.step) * size_of::<PathCounters>() as u64;
+        Threads::Indirect(Range { name: "path arguments", offset, size: 12, ..counters })
+    }
 
-fn scatter_pass(
-    kit: &Kit,
-    f: &FrameResources,
-    s: &SceneResources,
-    paths: &PathResources,
-    step: u32,
-    threads: Threads,
-) -> Result<Pass> {
-    let Some(seeds) = f.seeds else { return Err(super::missing("the seeds of samples")) };
-    let bindings = scatter::Bindings {
-        frame: b(f.frame),
-        instances: b(f.instances),
-        corners: b(s.corners),
-        rest: b(s.rest),
-        triangles: b(s.triangles),
-        vertices: b(s.vertices),
-        materials: b(s.materials),
-        atlas: s.atlas,
-        srgb: b(s.srgb),
-        lights: b(f.lights),
-        found: b(f.found),
-        lit: b(f.lit),
-        shaded: b(f.shaded),
-        seeds: b(seeds.now),
-        sampler_table: b(seeds.table),
-        environment_map: b(s.environment_map),
-        path_origins: b(paths.origins),
-        path_directions: b(paths.directions),
-        path_weights: b(paths.weights),
-        path_list: b(paths.list),
-        path_counters: b(paths.counters),
-        medium: f.medium.map(b),
-    };
-    let shader = scatter::modelling(kit.model());
-    let push = scatter::Push { step };
-    kit.dispatch("bounce", shader, &bindings.of(shader), bytemuck::bytes_of(&push), threads)
+    fn route(&self) -> Result<Pass> {
+        let bindings = route::Bindings { path_counters: b(self.paths.counters), counters: b(self.f.counters) };
+        let shader = if self.round.diffuse { route_diffuse::SHADER } else { route::SHADER };
+        let push = route::Push { step: self.step };
+        let one = Threads::Exactly([1, 1, 1]);
+        self.kit.dispatch(self.round.label, shader, &bindings.list(), bytemuck::bytes_of(&push), one)
+    }
+
+    fn bounce(&self) -> Result<Pass> {
+        let Self { f, s, paths, .. } = self;
+        let bindings = bounce::Bindings {
+            frame: b(f.frame),
+            instances: b(f.instances),
+            nodes: b(s.nodes),
+            corners: b(s.corners),
+            rest: b(s.rest),
+            path_origins: b(paths.origins),
+            path_directions: b(paths.directions),
+            path_list: b(paths.list),
+            path_counters: b(paths.counters),
+            found: b(paths.found),
+            triangles: Some(b(s.triangles)),
+            materials: Some(b(s.materials)),
+            vertices: Some(b(s.vertices)),
+            atlas: Some(s.atlas),
+            srgb: Some(b(s.srgb)),
+        };
+        let shader = bounce::modelling(self.kit.model());
+        let push = bounce::Push { step: self.step };
+        self.kit.dispatch(self.round.label, shader, &bindings.of(shader), bytemuck::bytes_of(&push), self.threads())
+    }
+
+    fn shadow(&self) -> Result<Pass> {
+        let Self { f, s, paths, .. } = self;
+        let Some(seeds) = f.seeds else { return Err(super::missing("the seeds of samples")) };
+        let bindings = shadow_diffuse::Bindings {
+            frame: b(f.frame),
+            instances: b(f.instances),
+            counters: b(f.counters),
+            nodes: b(s.nodes),
+            corners: b(s.corners),
+            rest: b(s.rest),
+            lights: b(f.lights),
+            found: b(paths.found),
+            lit: b(paths.lit),
+            samples: b(f.samples),
+            triangles: Some(b(s.triangles)),
+            materials: Some(b(s.materials)),
+            vertices: Some(b(s.vertices)),
+            atlas: Some(s.atlas),
+            srgb: Some(b(s.srgb)),
+            seeds: b(seeds.now),
+            sampler_table: b(seeds.table),
+            environment_map: b(s.environment_map),
+            path_origins: b(paths.origins),
+            path_list: b(paths.list),
+            path_counters: b(paths.counters),
+            path_directions: b(paths.directions),
+        };
+        let model = self.kit.model();
+        let shader =
+            if self.round.diffuse { shadow_diffuse::modelling(model) } else { shadow_bounce::modelling(model) };
+        let push = shadow_diffuse::Push { step: self.step };
+        self.kit.dispatch(self.round.label, shader, &bindings.of(shader), bytemuck::bytes_of(&push), self.threads())
+    }
+
+    fn scatter(&self) -> Result<Pass> {
+        let Self { f, s, paths, .. } = self;
+        let Some(seeds) = f.seeds else { return Err(super::missing("the seeds of samples")) };
+        let bindings = scatter::Bindings {
+            frame: b(f.frame),
+            instances: b(f.instances),
+            corners: b(s.corners),
+            rest: b(s.rest),
+            triangles: b(s.triangles),
+            vertices: b(s.vertices),
+            materials: b(s.materials),
+            atlas: s.atlas,
+            srgb: b(s.srgb),
+            lights: b(f.lights),
+            found: b(paths.found),
+            lit: b(paths.lit),
+            shaded: b(self.round.sum),
+            seeds: b(seeds.now),
+            sampler_table: b(seeds.table),
+            environment_map: b(s.environment_map),
+            path_origins: b(paths.origins),
+            path_directions: b(paths.directions),
+            path_weights: b(paths.weights),
+            path_list: b(paths.list),
+            path_counters: b(paths.counters),
+            medium: f.medium.map(b),
+        };
+        let model = self.kit.model();
+        let shader = if self.round.diffuse { scatter_diffuse::modelling(model) } else { scatter::modelling(model) };
+        let push = scatter::Push { step: self.step };
+        self.kit.dispatch(self.round.label, shader, &bindings.of(shader), bytemuck::bytes_of(&push), self.threads())
+    }
 }

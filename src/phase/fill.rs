@@ -45,7 +45,7 @@ fn append_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
         samples: b(f.samples),
         found: b(f.found),
         ages: f.ages.map(b),
-        sources: f.memory.map(|memory| b(memory.sources)),
+        sources: f.sources.map(b),
         seeds: f.seeds.map(|seeds| b(seeds.now)),
     };
     let shader = append::modelling(kit.model());

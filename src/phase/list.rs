@@ -36,7 +36,7 @@ fn gather_pass(kit: &Kit, f: &FrameResources) -> Result<Pass> {
         offsets: b(f.offsets),
         previous_ages: f.previous_ages.map(b),
         ages: f.ages.map(b),
-        sources: f.memory.map(|memory| b(memory.sources)),
+        sources: f.sources.map(b),
         previous_seeds: f.seeds.map(|seeds| b(seeds.previous)),
         seeds: f.seeds.map(|seeds| b(seeds.now)),
     };

@@ -15,18 +15,22 @@
 //! | [`changes`] | | pixel | samples of both frames, lit, masks, plan | image |
 //! | [`shade`] | 4.3 | sample | found, lit, materials, lights, environment map | shaded |
 //! | [`bounce`]: `route`, `bounce`, `shadow`, `scatter`, a step each | paper 2, 3.3 and 3.5 | ray | paths, geometry, materials, lights | found, lit, shaded, paths |
+//! | [`indirect`]: the same steps, of diffuse paths | 6.1 | sample; ray | found, samples of both frames, means of the last frame | brought, means, paths |
+//! | [`accumulate`] | 6.1 | sample | brought, means of the last frame | means, shaded |
 //! | [`medium`], with fog or mist | paper 2, 3.6 | pixel | shaded, offsets, geometry, lights, medium | shaded |
 //! | [`reconstruct`] | 4.4 | pixel | shaded, offsets | film, motion |
 //! | [`resolve`] | | pixel | film | colour image |
 //! | [`temporal`], instead of `resolve` | 6 | pixel | film, motion, last picture | colour image, picture |
 //! | [`aov`] | figure 4 | pixel | shaded, masks, plan | images |
 
+pub mod accumulate;
 pub mod analyze;
 pub mod aov;
 pub mod bounce;
 pub mod changes;
 pub mod fill;
 pub mod generate;
+pub mod indirect;
 pub mod list;
 pub mod medium;
 pub mod reconstruct;
@@ -116,12 +120,16 @@ pub struct FrameResources {
     pub previous_ages: Option<Range>,
     /// Frames that each sample of `samples` has lived.
     pub ages: Option<Range>,
+    /// Which sample of `previous` each of `samples` is, a word each, if that is asked for by a method that keeps samples.
+    pub sources: Option<Range>,
     /// What is remembered for [`changes`], if asked for by a method that keeps samples.
     pub memory: Option<Memory>,
     /// What lens, time and lights are sampled by, if anything is.
     pub seeds: Option<SeedResources>,
     /// Paths behind what the camera sees, if they go on.
     pub paths: Option<PathResources>,
+    /// What diffuse paths bring to samples, if there are any.
+    pub indirect: Option<IndirectResources>,
     /// Corners that triangles of deforming meshes had in the last frame, nine floats each, if there are any.
     pub previous_corners: Option<Range>,
     /// [`crate::shaders::Medium`], if that is modelled.
@@ -175,7 +183,7 @@ pub enum HistoryResources {
 /// What samples were in the last frame: a word a sample each.
 #[derive(Debug, Clone, Copy)]
 pub struct Memory {
-    /// Which sample of `previous` each of `samples` is.
+    /// [`FrameResources::sources`].
     pub sources: Range,
     /// The lights that reached each sample of `previous`.
     pub previous_reached: Range,
@@ -207,6 +215,21 @@ pub struct PathResources {
     pub list: Range,
     /// [`crate::shaders::PathCounters`] of each step.
     pub counters: Range,
+    /// [`crate::shaders::Found`] each: what the rays of a step found.
+    pub found: Range,
+    /// A word a sample: a bit a light that reaches what was found.
+    pub lit: Range,
+}
+
+/// What diffuse paths bring.
+#[derive(Debug, Clone, Copy)]
+pub struct IndirectResources {
+    /// [`crate::shaders::Gathered`] of each sample of `previous`, if samples are kept.
+    pub previous: Option<Range>,
+    /// [`crate::shaders::Gathered`] of each sample of `samples`.
+    pub gathered: Range,
+    /// Four words a sample: what its path of this frame brings, and its number in `previous`.
+    pub brought: Range,
 }
 
 /// One image an AOV.

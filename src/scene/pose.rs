@@ -125,6 +125,15 @@ impl Pose {
     }
 }
 
+impl Pose {
+    /// Whether light falls in the other as it does here, wherever the cameras are. What drifts in mist does not count: light meets
+    /// mist without its noise.
+    pub fn is_lit_like(&self, other: &Self) -> bool {
+        let Self { instances, deformations, lights, cameras: _, drift: _ } = self;
+        (instances, deformations, lights) == (&other.instances, &other.deformations, &other.lights)
+    }
+}
+
 impl Channel {
     /// Sets the property that the channel drives to its value at a time in seconds. Matrices are not driven.
     fn apply(&self, time: f64, local: &mut LocalTransform) {

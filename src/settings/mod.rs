@@ -58,6 +58,8 @@ pub struct Settings {
     pub gloss: f32,
     /// Part of the paths that are reflected where light passes through too, 0.05 to 0.95 (P of paper 2, section 3.5).
     pub path_part: f32,
+    /// Light that comes from surfaces.
+    pub indirect: Indirect,
     /// Steps of a march through fog or mist, 1 to 256.
     pub medium_steps: u32,
     /// What is modelled.
@@ -93,6 +95,7 @@ impl Default for Settings {
             path_depth: 3,
             gloss: 0.0,
             path_part: 0.25,
+            indirect: Indirect::default(),
             medium_steps: 32,
             modelling: Modelling::Required,
             float_output: false,
@@ -204,6 +207,23 @@ pub struct History {
 impl Default for History {
     fn default() -> Self {
         Self { alpha: 0.1, clamp: 1.0, filter: HistoryFilter::CatmullRom, precision: Precision::Half }
+    }
+}
+
+/// Indirect light by diffuse paths, one a sample and frame, whose mean stays with the sample (paper 1, section 6.1).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Indirect {
+    /// Rays of a path, 0 to 4; 0: no indirect light but what is uniform.
+    pub depth: u32,
+    /// 0.01 to 1: least weight of the newest path in its sample's mean while anything but the camera moves.
+    pub alpha: f32,
+    /// 0 to 1e6: radiance at most, in any channel, that one path brings; 0: no limit.
+    pub clamp: f32,
+}
+
+impl Default for Indirect {
+    fn default() -> Self {
+        Self { depth: 0, alpha: 0.1, clamp: 0.0 }
     }
 }
 
