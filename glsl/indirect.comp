@@ -65,7 +65,7 @@ void begin_path(uint seed, uint source) {
     path_number = source == NO_SOURCE ? 0u : paths_before(previous_gathered.data[source]);
 #else
     path_scramble = hash_combine(hash_uint(frame.data.seed), seed & 0x0fffffffu);
-    path_number = (seed >> 28) + 16u * frame.data.variation;
+    path_number = (seed >> 28) + frame.data.spp * frame.data.variation;
 #endif
 }
 

@@ -66,6 +66,9 @@ uint follow_diffuse(Seen seen, uint slot, uint seed, uint step, vec3 throughput,
 uint follow(uint slot, out vec3 radiance) {
     Found f = found.data[slot];
     uvec4 state = path_weights.data[slot];
+#ifdef DIFFUSE
+    resume_path(path_origins.data[slot].w, path_directions.data[slot].w);
+#endif
     vec3 throughput = uintBitsToFloat(state.xyz);
     if (f.instance == SKY_INSTANCE) {
         radiance = throughput * radiance_beyond(uintBitsToFloat(path_directions.data[slot].xyz));
@@ -75,8 +78,6 @@ uint follow(uint slot, out vec3 radiance) {
     Seen seen = seen_from(origin, f);
     throughput *= transmittance(state.w, length(seen.point.position - origin));
 #ifdef DIFFUSE
-    path_number = path_origins.data[slot].w;
-    path_scramble = path_directions.data[slot].w;
     uint seed = diffuse_seed(push.step + 1u);
     bool on = push.step + 1u < most_rays();
     radiance = throughput * radiance_of(seen, seed, lit.data[slot], transmits(seen.surface.reflector), on);

@@ -152,8 +152,7 @@ void main() {
     uint salt = frame.data.seed + 0x9e3779b9u * (push.step + 1u);
 #ifdef DIFFUSE
     if (listed) {
-        path_number = path_origins.data[slot].w;
-        path_scramble = path_directions.data[slot].w;
+        resume_path(path_origins.data[slot].w, path_directions.data[slot].w);
         salt = hash_combine(salt, path_number);
     }
 #endif

@@ -108,6 +108,8 @@ struct Last {
     frame: u32,
     /// Frames for which nothing has moved.
     still: u32,
+    /// Frames for which light has fallen alike.
+    lit_for: u32,
 }
 
 /// Everything whose size depends on the frame's.
@@ -363,7 +365,10 @@ impl Renderer {
         let still = last.as_ref().map_or(0, |l| {
             if l.view == inputs.view && l.pose.stands_like(inputs.pose) { l.still.saturating_add(1) } else { 0 }
         });
-        let lit_alike = last.as_ref().is_some_and(|l| l.pose.is_lit_like(inputs.pose));
+        // After a reset there is nothing that was lit otherwise.
+        let lit_for = last
+            .as_ref()
+            .map_or(u32::MAX, |l| if l.pose.is_lit_like(inputs.pose) { l.lit_for.saturating_add(1) } else { 0 });
         let frame = last.as_ref().map_or(0, |l| l.frame.wrapping_add(1));
         let moment = Moment {
             view: inputs.view,
@@ -372,12 +377,12 @@ impl Renderer {
             reset: last.is_none(),
             // The first still frame repairs what the last movement left; from the second on the pattern stays.
             settled: still >= 2,
-            lit_alike,
+            lit_for,
             lights: self.scene.lights.len() as u32,
             instances: self.scene.geometry.instance_meshes.len() as u32,
         };
         self.write_instances(inputs, &moment, before.as_ref().map(|(_, pose)| pose));
-        self.last = Some(Last { view: inputs.view, pose: inputs.pose.clone(), before, frame, still });
+        self.last = Some(Last { view: inputs.view, pose: inputs.pose.clone(), before, frame, still, lit_for });
         moment
     }
 

@@ -50,22 +50,33 @@ bool is_followed(Surface s) {
     return !s.unlit && (s.exponent > 0.0 || glossy || transmits(s.reflector));
 }
 
-// Where a path ends that finds nothing more, and how many rays it has at most. The map of light from all around has been sampled
-// where a diffuse path left a surface: its rays bring the rest.
+// What a path brings whose ray finds nothing, what stands in for it where a ray is not sent, and how many rays a path has at
+// most. Where light is scattered the map of light from all around has been sampled, and shadow rays pass straight through what
+// transmits: a diffuse path brings the map only by way of a reflection.
 #ifdef DIFFUSE
 vec3 radiance_beyond(vec3 direction) {
-    return frame.data.environment.rgb;
+    return path_mirrored ? sky_radiance(direction) : frame.data.environment.rgb;
+}
+
+vec3 radiance_instead(Bounce next) {
+    return path_mirrored || !next.through ? beyond_radiance(next.direction) : frame.data.environment.rgb;
 }
 
 uint most_rays() {
     return frame.data.indirect;
 }
 #else
+const uint PATH_MIRRORED = 0u;
 const uint path_number = 0u;
 const uint path_scramble = 0u;
+const bool path_mirrored = false;
 
 vec3 radiance_beyond(vec3 direction) {
     return sky_radiance(direction);
+}
+
+vec3 radiance_instead(Bounce next) {
+    return beyond_radiance(next.direction);
 }
 
 uint most_rays() {
@@ -89,11 +100,12 @@ uint follow_path(Seen seen, uint slot, uint seed, uint step, vec3 throughput, ui
         return PATH_ENDS;
     }
     if (step >= most_rays()) {
-        radiance += weight * beyond_radiance(next.direction);
+        radiance += weight * radiance_instead(next);
         return PATH_ENDS;
     }
     uint within = next.through && solid ? beyond : inside;
-    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, next.direction)), path_number);
+    uint mirrored = path_mirrored || !next.through ? PATH_MIRRORED : 0u;
+    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, next.direction)), path_number | mirrored);
     path_directions.data[slot] = uvec4(floatBitsToUint(next.direction), path_scramble);
     path_weights.data[slot] = uvec4(floatBitsToUint(weight), within);
     return next.through ? PATH_REFRACTED : PATH_REFLECTED;

@@ -106,6 +106,11 @@ vec3 beyond_radiance(vec3 direction) {
 }
 #endif
 
+// What shines by itself. A path that finds it brings it, for shining surfaces are not sampled as lights are.
+vec3 emission(Surface s) {
+    return s.emissive;
+}
+
 // Towards the viewer; `lit_bits` are the lights that reach it, `rays` says that its lobe is followed by a ray, `diffuse` that
 // what it scatters of the surroundings is.
 vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays, bool diffuse) {
@@ -116,7 +121,7 @@ vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays, bool diffuse) {
     Reflected everywhere = from_everywhere(seen);
     everywhere.diffuse = diffuse ? vec3(0.0) : everywhere.diffuse;
     vec3 ambient = but_for_rays(everywhere, rays);
-    vec3 radiance = s.emissive + ambient * frame.data.environment.rgb * s.occlusion;
+    vec3 radiance = emission(s) + ambient * frame.data.environment.rgb * s.occlusion;
     float weight = light_weight(frame.data.light_count, frame.data.shadow_rays);
 #ifdef AREA
     vec2 at = seed_pair(seed, PAIR_LIGHT);

@@ -24,10 +24,20 @@ const uint PAIR_CHOICE = 6u;
 
 #ifdef DIFFUSE
 const uint PAIR_DIFFUSE = 0u;  // a diffuse path's directions: pair 0 is free behind the camera
+const uint PATH_MIRRORED = 0x80000000u;  // beside a path's number: it was reflected since a surface scattered it
 
-// Of the diffuse path that the thread is about: its number among those of its sample, and what tells the sample from others.
+// Of the diffuse path that the thread is about: its number among those of its sample, what tells the sample from others, and
+// whether it was reflected since a surface scattered it.
 uint path_number = 0u;
 uint path_scramble = 0u;
+bool path_mirrored = false;
+
+// As a ray carries them.
+void resume_path(uint number, uint scramble) {
+    path_number = number & ~PATH_MIRRORED;
+    path_scramble = scramble;
+    path_mirrored = (number & PATH_MIRRORED) != 0u;
+}
 
 // A step of it: another scrambling, of order (Burley 2020) and of values.
 uint diffuse_seed(uint step) {

@@ -269,7 +269,7 @@ const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sa
 const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hidden samples too
 const uint FRAME_NEAREST = 8u;  // textures are not filtered
 const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
-const uint FRAME_LIT_ALIKE = 1024u;  // nothing has moved since the last frame that light falls on or comes from
+const uint FRAME_LIT_ALIKE = 1024u;  // nothing has moved for long that light falls on or comes from
 const uint FRAME_FILL = 32u;  // pixels have a second run of samples, which a fill has added behind the list
 
 // A participating medium in a frame: see scene/medium.rs.

@@ -20,8 +20,8 @@ pub struct Moment {
     pub reset: bool,
     /// Nothing has moved for two frames.
     pub settled: bool,
-    /// Nothing has moved since the last frame that light falls on or comes from.
-    pub lit_alike: bool,
+    /// Frames since anything moved that light falls on or comes from; all there can be if there is no frame before.
+    pub lit_for: u32,
     /// Lights in the scene.
     pub lights: u32,
     /// Instances in the scene.
@@ -58,7 +58,7 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     if settings.fills() {
         flags |= shaders::FRAME_FILL;
     }
-    if moment.lit_alike {
+    if moment.lit_for > forgetting(settings.indirect.alpha) {
         flags |= shaders::FRAME_LIT_ALIKE;
     }
     shaders::Frame {
@@ -92,9 +92,19 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         path_depth: settings.path_depth,
         indirect: settings.indirect.depth,
         indirect_alpha: settings.indirect.alpha,
-        indirect_count: (1.0 / settings.indirect.alpha).round() as u32,
+        indirect_count: lasting(settings.indirect.alpha),
         indirect_clamp: settings.indirect.clamp,
     }
+}
+
+/// Frames after which an exponential mean holds less of what was before than a half float can tell, 2^-11.
+fn forgetting(alpha: f32) -> u32 {
+    (11.0 * 2_f64.ln() / -(1.0 - f64::from(alpha)).ln()).ceil() as u32
+}
+
+/// Of how many paths the mean has the noise of an exponential one.
+fn lasting(alpha: f32) -> u32 {
+    ((2.0 - f64::from(alpha)) / f64::from(alpha)).round() as u32
 }
 
 fn lens(lens: &Lens) -> [f32; 4] {

@@ -51,10 +51,15 @@ fn channel_of(m: Memory<'_>, slot: usize) -> Option<usize> {
     }
     let source = m.sources[slot] as usize;
     let [before, now] = [m.previous[source], m.samples[slot]];
-    let identity = |s: Sample| (s.position.map(f32::to_bits), s.instance & INSTANCE_MASK);
     let hidden = |s: Sample| s.instance & OCCLUDED_BIT != 0;
-    if identity(before) != identity(now) || hidden(before) != hidden(now) {
+    if !is_same_point(before, now) || hidden(before) != hidden(now) {
         return Some(2);
     }
     (!hidden(now) && m.lit[slot] != m.reached[source]).then_some(3)
+}
+
+/// Whether two samples are one point of one instance. Twin of `glsl/include/identity.glsl`, exact.
+pub fn is_same_point(a: Sample, b: Sample) -> bool {
+    let identity = |s: Sample| (s.position.map(f32::to_bits), s.instance & INSTANCE_MASK);
+    identity(a) == identity(b)
 }

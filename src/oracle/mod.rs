@@ -1,4 +1,5 @@
 //! The same phases on the CPU, in f64 where it matters: the known answers.
+pub mod accumulate;
 pub mod analyze;
 pub mod aov;
 pub mod append;
@@ -8,6 +9,7 @@ pub mod changes;
 pub mod environment;
 pub mod gather;
 pub mod generate;
+pub mod indirect;
 pub mod lens;
 pub mod medium;
 pub mod random;

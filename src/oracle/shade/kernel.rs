@@ -14,7 +14,7 @@ use crate::oracle::environment::{Afar, DIRECTION, IRRADIANCE};
 use crate::oracle::lens::lens_shift_bounded;
 use crate::oracle::shadow::light_weight;
 use crate::oracle::stage::{Stage, U, normal_error};
-use crate::oracle::traverse::transform_point;
+use crate::oracle::traverse::{SurfacePoint, transform_point};
 use crate::shaders::{
     ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, OCCLUDED_BIT,
     SKY_INSTANCE, Sample,
@@ -88,26 +88,45 @@ fn locate(stage: &Stage<'_>, sample: &Sample) -> (Projection, Projection, f64) {
 }
 
 /// Bounds on the directions that shading starts from, in radians.
-struct Directions {
-    normal: f64,
-    view: f64,
+#[derive(Debug, Clone, Copy)]
+pub struct Directions {
+    /// Of the shading normal.
+    pub normal: f64,
+    /// Of the surface's.
+    pub geometric: f64,
+    /// Of the direction to the viewer.
+    pub view: f64,
     /// Whether a surface seen from behind is told from one seen from the front on every device.
-    side_is_sure: bool,
+    pub side_is_sure: bool,
 }
 
-fn surface_radiance(
-    stage: &Stage<'_>,
-    lights: &[Light],
-    environment: DVec3,
-    found: &Found,
-    lit: u32,
-) -> (DVec3, DVec3) {
+impl Directions {
+    /// What the part that is reflected of a uniform radiance may be off by.
+    pub fn uniform_error(&self) -> f64 {
+        16.0 * U + 4.0 * COLOR + 8.0 * albedo_error(self)
+    }
+}
+
+/// A point of a surface, seen through the sample's point of the lens.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// What it is like there.
+    pub surface: Surface,
+    /// Unit vector to the viewer.
+    pub view: DVec3,
+    /// Where it is.
+    pub point: SurfacePoint,
+    /// What the directions may be off by.
+    pub bounds: Directions,
+}
+
+/// What was found, as the camera sees it.
+pub fn seen_from(stage: &Stage<'_>, found: &Found) -> Seen {
     let material = stage.material(found.primitive);
     let instance = stage.instance(found.instance);
     let point = stage.surface(found.instance, found.primitive, found.u, found.v);
-    let position = point.position.as_dvec3();
     let geometric = point.normal.as_dvec3();
-    let back = stage.eye().as_dvec3() - position;
+    let back = stage.eye().as_dvec3() - point.position.as_dvec3();
     let view = if back.length() > 0.0 { back.normalize() } else { geometric };
     let spot = stage.spot(found.primitive, found.u, found.v);
     let surface = surface_at(material, instance, &spot, geometric, view, stage.textures);
@@ -117,9 +136,21 @@ fn surface_radiance(
     let flip = normal_error(stage, found.instance, found.primitive);
     let bounds = Directions {
         normal: normal_bound(map, f64::from(material.normal_scale)),
+        geometric: flip,
         view: 12.0 * U,
         side_is_sure: geometric.dot(view).abs() > flip + 16.0 * U,
     };
+    Seen { surface, view, point, bounds }
+}
+
+fn surface_radiance(
+    stage: &Stage<'_>,
+    lights: &[Light],
+    environment: DVec3,
+    found: &Found,
+    lit: u32,
+) -> (DVec3, DVec3) {
+    let Seen { surface, view, point, bounds } = seen_from(stage, found);
     let (mut radiance, mut error) =
         reflected(&surface, &bounds, view, (environment, lights, lit), point.position, stage.frame);
     if surface.unlit {
@@ -166,7 +197,7 @@ fn reflected(
     let albedo = albedo_error(bounds);
     let uniform = reflector.reflect_uniform(surface.normal, view);
     let ambient = uniform * environment * surface.occlusion;
-    let uniform_error = 16.0 * U + 4.0 * COLOR + 8.0 * albedo;
+    let uniform_error = bounds.uniform_error();
     let mut radiance = surface.emissive + ambient;
     let mut error = 4.0 * COLOR * surface.emissive.max(DVec3::ONE) + environment * (uniform_error + COLOR);
     let mut unsure = false;
