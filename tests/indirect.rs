@@ -314,6 +314,42 @@ fn light_that_comes_rises_exponentially() {
     }
 }
 
+/// A light that turns by a degree a frame: the mean of what each frame's light gives, (1 - alpha)^k of it alpha times k frames ago. In
+/// the mean over a picture, relative to the light before it turned. What the wall's diffuse layer scatters is a product of what
+/// depends on the light and what depends on the viewer; its lobe, 0.03 of the light, is not, and changes by half over 60 degrees.
+#[test]
+fn a_light_that_moves_is_followed_with_its_lag() {
+    let (scene, view) = lit_wall();
+    let pose = scene.pose(0.0);
+    let base = Settings { size: [32, 32], ..settings(Method::Stable, 1) };
+    let run = |seed: u32| {
+        let mut stage = Stage::new(scene.clone(), &Settings { seed, ..base.clone() });
+        let mut at = |degrees: u32| {
+            let angle = f64::from(degrees).to_radians();
+            let mut pose = pose.clone();
+            pose.lights[0].direction = DVec3::new(-angle.cos(), 0.0, -angle.sin());
+            mean_red(&shoot(&mut stage, view, &pose))
+        };
+        let before = (0..60).map(|_| at(0)).last().unwrap();
+        (1..=60).map(|degrees| at(degrees) / before).collect::<Vec<f64>>()
+    };
+    let runs: Vec<Vec<f64>> = (0..4).map(run).collect();
+    let reflector = Reflector { roughness: 1.0, ..Reflector::default() };
+    let given = |degrees: i32| {
+        let angle = f64::from(degrees.max(0)).to_radians();
+        reflector.reflect_parts(DVec3::Z, DVec3::Z, DVec3::new(angle.sin(), 0.0, angle.cos())).diffuse.x
+    };
+    for degrees in [10, 20, 30, 45, 60] {
+        let mean = runs.iter().map(|r| r[degrees as usize - 1]).sum::<f64>() / 4.0;
+        let lagging = (0..200).map(|k| 0.1 * 0.9_f64.powi(k) * given(degrees - k)).sum::<f64>() / given(0);
+        println!("{degrees} degrees: {mean:.4}, expected {lagging:.4}, at once {:.4}", given(degrees) / given(0));
+        // 19 paths a sample, of which one in ten finds the wall: 3 / sqrt(19 * 4 * 4 * 1024), and the same for the light before.
+        let bound = (0.015 + 5.0 * 0.0076) * lagging;
+        assert!((mean - lagging).abs() < bound, "{mean} {lagging}");
+        assert!(degrees < 45 || (given(degrees) / given(0) - lagging).abs() > 2.0 * bound, "the lag is seen");
+    }
+}
+
 /// The error of a mean falls as 1 / sqrt(n) or faster while nothing moves: half as many paths again are as good as independent ones at
 /// least, and a scrambled sequence at best makes it n^-1.5. Against a mean of 2048, whose error adds to the differences.
 #[test]
