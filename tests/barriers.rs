@@ -25,6 +25,7 @@ use stillray::gpu::pass::{Barrier, Pass, Range, Resource, Work, barriers};
 use stillray::method::plan::Plan;
 use stillray::renderer::{Aov, Fill, FrameInputs, Method, Renderer, Settings};
 use stillray::scene::Scene;
+use stillray::settings::Indirect;
 use stillray::shaders::Access;
 use support::host::Host;
 use support::rig::load;
@@ -262,6 +263,12 @@ fn the_layer_notices_dropped_barriers_of_integrated_and_averaged_frames() {
     ] {
         drop_each(&scene, &settings);
     }
+}
+
+#[test]
+fn the_layer_notices_dropped_barriers_of_indirect_light() {
+    let indirect = Indirect { depth: 2, ..Indirect::default() };
+    drop_each(&load("builtin:cornell"), &Settings { size: [16, 16], path_depth: 1, indirect, ..Settings::default() });
 }
 
 /// The picture of a frame is the next one's history, and its own place is that of the picture before the last: the first
