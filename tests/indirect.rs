@@ -585,6 +585,8 @@ fn frames_are_the_same_run_after_run() {
     // With all that a scene may require, too.
     let all = Settings { size: [40, 30], modelling: Modelling::All, ..settings(Method::StableTi, 2) };
     let mut session = rig.session(&all);
-    (0..4).for_each(|i| drop(rig.frame(&mut session, Motion::Orbit, i)));
+    for i in 0..4 {
+        rig.frame(&mut session, Motion::Orbit, i);
+    }
     rig.assert_clean();
 }
