@@ -11,10 +11,11 @@ use rayon::prelude::*;
 use stage_support::{Draw, Gallery, Theatre};
 use std::collections::BTreeSet;
 use stillray::gpu::Context;
-use stillray::oracle::indirect::{Start, fresh_path_of, path_of, source_of, start};
+use stillray::oracle::indirect::{Ray, Start, bring, fresh_path_of, path_of, source_of, start};
 use stillray::oracle::verify::verify;
 use stillray::shaders::{
-    self, Counters, FOUND_LOST, Found, Gathered, MODEL_LENS, NO_SOURCE, OCCLUDED_BIT, PathCounters, Sample,
+    self, Counters, FOUND_LOST, Found, Gathered, MODEL_LENS, NO_SOURCE, OCCLUDED_BIT, PathCounters, SKY_INSTANCE,
+    Sample,
 };
 use support::kernel::{Kernel, blank, data, values};
 use support::random::Random;
@@ -267,6 +268,171 @@ fn the_device_begins_paths_as_the_twin_does() {
                 other.previous.iter_mut().for_each(|s| s.position[0] += 1.0);
                 assert!(caught(&twins(&theatre, &draw, &other, stable), "source"));
             }
+        }
+    }
+}
+
+/// Rays of a step, what they have found, and what their paths have brought so far.
+struct Rays {
+    rays: Vec<Ray>,
+    found: Vec<Found>,
+    lit: Vec<u32>,
+    brought: Vec<[f32; 3]>,
+}
+
+impl Rays {
+    /// From anywhere to anywhere on triangles, or to the sky.
+    fn random(theatre: &Theatre, seed: u32, count: u32) -> Self {
+        let random = &mut Random::new(seed);
+        let mut list = Self { rays: Vec::new(), found: Vec::new(), lit: Vec::new(), brought: Vec::new() };
+        for _ in 0..count {
+            let (instance, primitive) = theatre.random_triangle(random);
+            let u = random.between(0.0, 1.0);
+            let v = random.between(0.0, 1.0 - u);
+            let sky = random.chance(0.1);
+            list.found.push(Found { instance: if sky { SKY_INSTANCE } else { instance }, primitive, u, v });
+            let mut three = |size: f32| Vec3::from([0; 3].map(|_| random.between(-size, size)));
+            let (origin, weight, brought) = (three(6.0) - Vec3::Z * 6.0, three(1.0).abs(), three(9.0).abs());
+            list.rays.push(Ray { origin, weight, number: random.below(0x1_0000), scramble: random.bits() });
+            list.brought.push(brought.to_array());
+            list.lit.push(random.bits() & random.pick(&[0, 1, 31]));
+        }
+        list
+    }
+
+    /// On the device; every second sample has a ray.
+    fn on_device(&self, context: &Context, kernel: &Kernel, theatre: &Theatre, draw: &Draw, step: u32) -> Outcome {
+        let count = self.rays.len();
+        let gallery = Gallery::new(context, &theatre.atlas);
+        let geometry = &theatre.geometry;
+        let frame = shaders::Frame { capacity: count as u32, ..theatre.frame };
+        let listed: Vec<u32> = (0..count as u32).filter(|slot| slot % 2 == 0).rev().collect();
+        let mut list = vec![u32::MAX; 2 * count];
+        let from = if step & 1 == 0 { 0 } else { count };
+        list[from..from + listed.len()].copy_from_slice(&listed);
+        let mut counters = vec![PathCounters::default(); shaders::PATH_STEPS as usize + 1];
+        counters[step as usize].reflected = listed.len() as u32;
+        let words = |v: Vec3, w: u32| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), w];
+        let of = |f: &dyn Fn(usize) -> [u32; 4]| data(&(0..count).map(f).collect::<Vec<_>>());
+        let mut bound = vec![
+            data(&[frame]),
+            data(&theatre.instances),
+            data(&geometry.triangle_corners),
+            data(&geometry.triangle_rest),
+            data(&geometry.triangles),
+            data(&geometry.vertices),
+            data(&theatre.materials),
+            gallery.bound(),
+            Gallery::srgb(),
+            data(&theatre.lights),
+            data(&self.found),
+            data(&self.lit),
+            of(&|i| words(self.brought[i].into(), 77)),
+        ];
+        bound.extend(draw.bound(count));
+        bound.extend([data(&theatre.environment)]);
+        bound.extend([
+            of(&|i| words(self.rays[i].origin, self.rays[i].number)),
+            of(&|i| words(Vec3::X, self.rays[i].scramble)),
+            of(&|i| words(self.rays[i].weight, 0)),
+            data(&list),
+            data(&counters),
+        ]);
+        let threads = (listed.len() as u32).next_multiple_of(64);
+        kernel.run(&mut bound, bytemuck::bytes_of(&step), [threads, 1, 1]);
+        support::assert_clean(context);
+        let counted = values::<PathCounters>(&bound[20])[step as usize + 1];
+        assert_eq!(counted.refracted, 0);
+        let list: Vec<u32> = values(&bound[19]);
+        let next = count - from;
+        Outcome {
+            gathered: Vec::new(),
+            brought: values(&bound[12]),
+            origins: values(&bound[16]),
+            directions: values(&bound[17]),
+            weights: values(&bound[18]),
+            listed: list[next..next + counted.reflected as usize].to_vec(),
+        }
+    }
+
+    /// What is wrong with the first ray that is, in a word.
+    fn problem(&self, got: &Outcome, theatre: &Theatre, step: u32) -> Option<(usize, &'static str)> {
+        let listed: BTreeSet<u32> = got.listed.iter().copied().collect();
+        assert_eq!(listed.len(), got.listed.len());
+        (0..self.rays.len()).find_map(|slot| {
+            let word = self.problem_of(got, theatre, (slot, step), listed.contains(&(slot as u32)));
+            word.map(|word| (slot, word))
+        })
+    }
+
+    fn problem_of(
+        &self,
+        got: &Outcome,
+        theatre: &Theatre,
+        (slot, step): (usize, u32),
+        listed: bool,
+    ) -> Option<&'static str> {
+        let before = Vec3::from(self.brought[slot]).as_dvec3();
+        let vector = |words: [f32; 4]| Vec3::from_slice(&words[..3]).as_dvec3();
+        let total = vector(got.brought[slot].map(f32::from_bits));
+        if slot % 2 != 0 {
+            return (total != before || listed).then_some("no ray");
+        }
+        let ray = &self.rays[slot];
+        let want = bring(&theatre.stage(true), &theatre.lights, &self.found[slot], ray, (step, self.lit[slot]));
+        let sum = before + want.radiance;
+        let error = want.error + sum / 16_777_216.0;
+        if !(0..3).all(|i| error[i].is_infinite() || (total[i] - sum[i]).abs() <= error[i]) {
+            return Some("radiance");
+        }
+        let Some(next) = want.next else { return listed.then_some("goes on") };
+        if next.doubtful {
+            return None;
+        }
+        if !listed {
+            return (next.albedo.max_element() > next.albedo_error).then_some("ends");
+        }
+        let weight = ray.weight.as_dvec3();
+        let weighed = (vector(got.weights[slot]) - next.albedo * weight).abs();
+        if !weighed.cmple(weight * (next.albedo_error + 2.0 / 16_777_216.0)).all() {
+            return Some("weight");
+        }
+        let kept = [got.origins[slot][3].to_bits(), got.directions[slot][3].to_bits()];
+        if kept != [ray.number, ray.scramble] || vector(got.origins[slot]) != next.origin.as_dvec3() {
+            return Some("origin");
+        }
+        let off = |d: DVec3| (vector(got.directions[slot]) - d).abs().max_element() > next.direction_error;
+        (off(next.direction) && next.turned.is_none_or(off)).then_some("direction")
+    }
+}
+
+#[test]
+fn the_device_goes_on_as_the_twin_does() {
+    let context = support::validated_context();
+    let kernel = Kernel::new(&context, shaders::scatter_diffuse::modelling(0));
+    for (step, depth) in [(0, 1), (0, 2), (1, 4), (3, 4)] {
+        let mut theatre = Theatre::new(SIZE);
+        theatre.frame.indirect = depth;
+        let draw = Draw::random(&mut Random::new(step));
+        let rays = Rays::random(&theatre, 7 * step + depth, 6000);
+        let got = rays.on_device(&context, &kernel, &theatre, &draw, step);
+        println!("ray {step} of {depth}: {} go on", got.listed.len());
+        assert_eq!(rays.problem(&got, &theatre, step), None, "ray {step} of {depth}");
+        assert!((got.listed.len() > 1500) == (step + 1 < depth));
+        // Negative controls.
+        let caught = |change: &dyn Fn(&mut Theatre), what: &str| {
+            let mut other = Theatre::new(SIZE);
+            other.frame.indirect = depth;
+            change(&mut other);
+            assert_eq!(rays.problem(&got, &other, step).map(|p| p.1), Some(what));
+        };
+        caught(&|t| t.frame.environment[0] += 0.01, "radiance");
+        caught(&|t| t.lights[0].intensity[1] *= 1.02, "radiance");
+        caught(&|t| t.materials[stage_support::MASKED].emissive[2] *= 1.01, "radiance");
+        caught(&|t| t.frame.indirect = if step + 1 < depth { step + 1 } else { step + 2 }, "radiance");
+        if step + 1 < depth {
+            let wrong = rays.problem(&got, &theatre, step + 1).map(|p| p.1);
+            assert!(wrong.is_some(), "another step is another seed");
         }
     }
 }

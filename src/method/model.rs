@@ -39,7 +39,7 @@ impl Model {
         let holes = feature(Feature::AlphaMask).or_else(|| feature(Feature::AlphaBlend));
         let alpha = holes.or_else(|| transmission.clone()).or_else(all);
         let gloss = || (settings.gloss > 0.0).then(|| format!("gloss = {}", settings.gloss));
-        let indirect = (settings.indirect.depth > 0).then(|| format!("indirect = {}", settings.indirect.depth));
+        let indirect = (settings.indirect.depth > 0).then(|| format!("indirect.depth = {}", settings.indirect.depth));
         let source = aov(Aov::Changes).or_else(|| indirect.clone().filter(|_| keeps));
         let path = transmission.or_else(|| feature(Feature::PhongLobe)).or_else(gloss).or_else(all);
         let lens = feature(Feature::Lens).or_else(all);

@@ -3,13 +3,13 @@
 
 use super::changes::is_same_point;
 use super::random::{hash_combine, hash_uint, unit_float};
-use super::shade::kernel::{Seen, seen_from};
+use super::shade::kernel::{Seen, lit_radiance, seen_from};
 use super::shade::lobe::basis;
 use super::stage::{Stage, U};
 use super::traverse::offset_origin;
 use crate::sampler::sobol;
-use crate::shaders::{FOUND_LOST, Found, Frame, Gathered, NO_SOURCE, OCCLUDED_BIT, SKY_INSTANCE, Sample};
-use glam::{DVec3, Vec3};
+use crate::shaders::{FOUND_LOST, Found, Frame, Gathered, Light, NO_SOURCE, OCCLUDED_BIT, SKY_INSTANCE, Sample};
+use glam::{DVec3, Vec3, Vec4};
 use std::f64::consts::TAU;
 
 /// Which dimensions a diffuse path's directions have: the pair that is free behind the camera.
@@ -92,23 +92,69 @@ pub fn start(stage: &Stage<'_>, found: &Found, [number, scramble]: [u32; 2]) -> 
     if !visible || found.instance == SKY_INSTANCE {
         return None;
     }
-    let Seen { surface, view, point, bounds } = seen_from(stage, found);
+    start_at(&seen_from(stage, stage.eye(), found), [number, diffuse_seed(scramble, 0)])
+}
+
+/// From a surface by a path's number and seed; none if it is unlit.
+fn start_at(seen: &Seen, [number, seed]: [u32; 2]) -> Option<Start> {
+    let Seen { surface, view, point, bounds } = seen;
     if surface.unlit {
         return None;
     }
-    let albedo = surface.reflector.uniform_parts(surface.normal, view).diffuse;
-    let u = path_bits(number, diffuse_seed(scramble, 0), PAIR_DIFFUSE).map(|x| f64::from(unit_float(x)));
+    let albedo = surface.reflector.uniform_parts(surface.normal, *view).diffuse;
+    let u = path_bits(number, seed, PAIR_DIFFUSE).map(|x| f64::from(unit_float(x)));
     let turned = across_the_turn(surface.normal, bounds.normal);
     let normal_error = bounds.normal * if turned.is_some() { 3.0 } else { 1.0 };
     Some(Start {
         albedo,
         albedo_error: bounds.uniform_error(),
-        origin: offset_origin(&point, surface.geometric.as_vec3()),
+        origin: offset_origin(point, surface.geometric.as_vec3()),
         direction: diffuse_direction(surface.normal, surface.geometric, u),
         turned: turned.map(|normal| diffuse_direction(normal, surface.geometric, u)),
         direction_error: direction_error(normal_error, bounds.geometric),
         doubtful: !bounds.side_is_sure,
     })
+}
+
+/// A ray of a path, and what it is about to bring.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// Camera-relative, metres.
+    pub origin: Vec3,
+    /// What its radiance counts for.
+    pub weight: Vec3,
+    /// The number of its path.
+    pub number: u32,
+    /// What tells its sample from others.
+    pub scramble: u32,
+}
+
+/// What a ray has brought.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Brought {
+    /// Scene-linear RGB.
+    pub radiance: DVec3,
+    /// What a device's may differ by; infinite where it depends on a sign that rounding decides.
+    pub error: DVec3,
+    /// The next ray, whose weight is the albedo times that of this one.
+    pub next: Option<Start>,
+}
+
+/// What ray `step` of a path finds, and where the path goes on: in a scene without a map of light from all around, from surfaces that
+/// nothing passes through. Twin of the `diffuse` variant of `glsl/scatter.comp`.
+pub fn bring(stage: &Stage<'_>, lights: &[Light], found: &Found, ray: &Ray, (step, lit): (u32, u32)) -> Brought {
+    let weight = ray.weight.as_dvec3();
+    let environment = Vec4::from(stage.frame.environment).truncate().as_dvec3();
+    if found.instance == SKY_INSTANCE {
+        let radiance = weight * environment;
+        return Brought { radiance, error: 4.0 * U * radiance, next: None };
+    }
+    let seen = seen_from(stage, ray.origin, found);
+    let on = step + 1 < stage.frame.indirect;
+    let (radiance, error) = lit_radiance(stage, lights, environment, &seen, (lit, on));
+    let error = if seen.bounds.side_is_sure { (error + 8.0 * U * radiance) * weight } else { DVec3::INFINITY };
+    let next = start_at(&seen, [ray.number, diffuse_seed(ray.scramble, step + 1)]);
+    Brought { radiance: radiance * weight, error, next: next.filter(|_| on) }
 }
 
 #[cfg(test)]

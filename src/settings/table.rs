@@ -366,7 +366,7 @@ pub static KNOBS: &[Knob] = &[
         ladder: &[Number(0.1), Number(0.25), Number(0.5)],
     },
     Knob {
-        name: "indirect",
+        name: "indirect.depth",
         about: "rays of the diffuse path that each sample sends in each frame; 0: no light from other surfaces (paper 1, section 6.1)",
         unit: "rays",
         trades: "more: light that has come by more surfaces, for a ray with its shadow rays each; noise fades while samples live on",

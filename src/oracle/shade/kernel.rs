@@ -107,7 +107,7 @@ impl Directions {
     }
 }
 
-/// A point of a surface, seen through the sample's point of the lens.
+/// A point of a surface, seen from somewhere.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen {
     /// What it is like there.
@@ -120,13 +120,13 @@ pub struct Seen {
     pub bounds: Directions,
 }
 
-/// What was found, as the camera sees it.
-pub fn seen_from(stage: &Stage<'_>, found: &Found) -> Seen {
+/// What was found, from a viewer at a camera-relative point.
+pub fn seen_from(stage: &Stage<'_>, viewer: Vec3, found: &Found) -> Seen {
     let material = stage.material(found.primitive);
     let instance = stage.instance(found.instance);
     let point = stage.surface(found.instance, found.primitive, found.u, found.v);
     let geometric = point.normal.as_dvec3();
-    let back = stage.eye().as_dvec3() - point.position.as_dvec3();
+    let back = viewer.as_dvec3() - point.position.as_dvec3();
     let view = if back.length() > 0.0 { back.normalize() } else { geometric };
     let spot = stage.spot(found.primitive, found.u, found.v);
     let surface = surface_at(material, instance, &spot, geometric, view, stage.textures);
@@ -150,18 +150,35 @@ fn surface_radiance(
     found: &Found,
     lit: u32,
 ) -> (DVec3, DVec3) {
-    let Seen { surface, view, point, bounds } = seen_from(stage, found);
-    let (mut radiance, mut error) =
-        reflected(&surface, &bounds, view, (environment, lights, lit), point.position, stage.frame);
-    if surface.unlit {
+    let seen = seen_from(stage, stage.eye(), found);
+    let (mut radiance, mut error) = lit_radiance(stage, lights, environment, &seen, (lit, false));
+    if seen.surface.unlit {
         return (radiance, error);
     }
     if lit >> ENVIRONMENT_LIGHT & 1 != 0 {
-        let (part, part_error) = reflected_from_afar(&surface, &bounds, view, stage.afar);
+        let (part, part_error) = reflected_from_afar(&seen.surface, &seen.bounds, seen.view, stage.afar);
         radiance += part;
         error += part_error + 4.0 * U * radiance;
     }
-    (radiance, if bounds.side_is_sure { error } else { DVec3::INFINITY })
+    (radiance, if seen.bounds.side_is_sure { error } else { DVec3::INFINITY })
+}
+
+/// Radiance to a viewer but for what a map of light from all around adds, and what a device's may differ by as far as it is sure which
+/// side is seen. Besides the bits of the lights that reach it: whether what it scatters of the surroundings is left out.
+pub fn lit_radiance(
+    stage: &Stage<'_>,
+    lights: &[Light],
+    environment: DVec3,
+    seen: &Seen,
+    (lit, diffuse): (u32, bool),
+) -> (DVec3, DVec3) {
+    let Seen { surface, view, point, bounds } = seen;
+    let (radiance, error) = reflected(surface, bounds, *view, (environment, lights, lit), point.position, stage.frame);
+    if surface.unlit || !diffuse {
+        return (radiance, error);
+    }
+    let scattered = surface.reflector.uniform_parts(surface.normal, *view).diffuse;
+    (radiance - scattered * environment * surface.occlusion, error)
 }
 
 /// As `material_excess` of the test has it: 128 U for a smooth normal; with a map, whose length divides, three times that
