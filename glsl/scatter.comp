@@ -60,7 +60,8 @@ uint follow(uint slot, out vec3 radiance) {
 }
 
 void main() {
-    uint slot = listed_path(push.step, dense_index());
+    uint index = dense_index();
+    uint slot = listed_path(push.step, index);
     uint kind = PATH_ENDS;
     if (slot != NO_PATH) {
         vec3 radiance;
@@ -68,5 +69,6 @@ void main() {
         Shaded s = shaded.data[slot];
         shaded.data[slot] = with_color(s, shaded_color(s) + radiance);
     }
-    list_path(gl_LocalInvocationIndex, kind, push.step + 1u, slot);
+    bool listed = index < path_counters.data[push.step].listed;
+    list_path(gl_LocalInvocationIndex, listed ? index : NO_PATH, kind, push.step + 1u, slot);
 }

@@ -150,6 +150,6 @@ void main() {
         shaded.data[slot] = NOT_VISIBLE;
     }
 #ifdef PATH
-    list_path(gl_LocalInvocationIndex, kind, 0u, slot);
+    list_path(gl_LocalInvocationIndex, listed ? slot : NO_PATH, kind, 0u, slot);
 #endif
 }

@@ -7,7 +7,7 @@
 // The `bounce` variant asks the same of what the secondary rays of a step have found.
 //
 // variant bounce: BOUNCE PATH LENS AREA ENVIRONMENT
-// models: ALPHA LENS AREA ENVIRONMENT
+// models: ALPHA LENS AREA ENVIRONMENT COUNT
 #define TRAVERSE_ANY
 #include "types.glsl"
 
@@ -36,6 +36,9 @@ layout(set = 0, binding = 16, std430) readonly buffer SamplerTable { uint data[]
 #endif
 #ifdef ENVIRONMENT
 layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data[]; } environment_map;
+#endif
+#ifdef COUNT
+layout(set = 0, binding = 30, std430) buffer TraversalsBlock { Traversals data; } traversals;
 #endif
 #ifdef BOUNCE
 layout(set = 0, binding = 19, std430) readonly buffer PathOrigins { uvec4 data[]; } path_origins;
@@ -151,6 +154,7 @@ void main() {
         tally = 0u;
     }
     barrier();
+    begin_count();
     if (listed) {
         Found f = found.data[slot];
         bool visible = f.primitive != FOUND_LOST && (f.instance & OCCLUDED_BIT) == 0u;
@@ -162,6 +166,7 @@ void main() {
         lit.data[slot] = bits;
         atomicAdd(tally, rays);
     }
+    end_count(RAY_SHADOW);
     barrier();
     if (gl_LocalInvocationIndex == 0u && tally != 0u) {
         atomicAdd(counters.data.shadow_rays, tally);

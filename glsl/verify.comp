@@ -4,7 +4,7 @@
 // sample's ray ends a little behind the sample: it finds the sample's own surface, or what hides it. Of a list to which a
 // fill was added behind, only that part is traced.
 //
-// models: ALPHA LENS DEFORM
+// models: ALPHA LENS DEFORM COUNT
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -27,6 +27,9 @@ layout(set = 0, binding = 12, std430) readonly buffer Srgb { float data[256]; } 
 #ifdef LENS
 layout(set = 0, binding = 13, std430) readonly buffer Seeds { uint data[]; } seeds;
 layout(set = 0, binding = 14, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
+#ifdef COUNT
+layout(set = 0, binding = 30, std430) buffer TraversalsBlock { Traversals data; } traversals;
 #endif
 #include "place.glsl"
 #ifdef ALPHA
@@ -109,11 +112,7 @@ CameraRay camera_ray(uint slot, Sample s, vec3 target, bool added, bool surface)
 #endif
 }
 
-void main() {
-    uint slot = counters.data.first + dense_index();
-    if (slot >= counters.data.samples) {
-        return;
-    }
+void verify(uint slot) {
     Sample s = samples.data[slot];
     uint id = s.instance & INSTANCE_MASK;
     bool added = id == NEW_INSTANCE;
@@ -126,4 +125,13 @@ void main() {
     } else {
         found.data[slot] = check_sample(slot, id, target, hit);
     }
+}
+
+void main() {
+    uint slot = counters.data.first + dense_index();
+    begin_count();
+    if (slot < counters.data.samples) {
+        verify(slot);
+    }
+    end_count(RAY_CAMERA);
 }

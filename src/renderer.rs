@@ -22,7 +22,7 @@ use ash::vk;
 use std::sync::Arc;
 
 pub use crate::settings::{Aov, Fill, Method, Settings, Weights};
-pub use crate::stats::{FrameStats, PhaseTime};
+pub use crate::stats::{FrameStats, PhaseTime, RayCosts};
 
 /// What changes from frame to frame.
 #[derive(Debug, Clone, Copy)]
@@ -245,7 +245,8 @@ impl Renderer {
     pub fn stats(&self, ticket: Ticket) -> Option<FrameStats> {
         let slot = self.slot(ticket)?;
         let counters = self.frames.ring.counters(slot)?;
-        Some(FrameStats::new(&counters, &self.settings))
+        let costs = self.frames.ring.traversals(slot).map(|t| RayCosts::of(&t));
+        Some(FrameStats { costs, ..FrameStats::new(&counters, &self.settings) })
     }
 
     /// Time of each phase of a frame that has been waited for, in order; empty on a device without timestamps, or if the
@@ -434,8 +435,8 @@ impl Frames {
         let (instances, lights) = (scene.instance_count(), scene.light_count());
         let buffers = FrameBuffers::new(context, settings, &storage, instances, lights, deforming)?;
         let shapes = deforming::targets(scene, &scene.resources(), buffers.resources(0).previous_corners);
-        let ring = Ring::new(context, scene, &shapes)?;
-        // Two plans of less than 28 passes each, and four for each step of paths.
+        let ring = Ring::new(context, scene, &shapes, model.has(shaders::MODEL_COUNT))?;
+        // Two plans of less than 28 dispatches each, and four for each step of paths.
         let kit = Kit::new(context, 2 * (28 + 4 * shaders::PATH_STEPS), model.bits())?;
         let plan_of = |slot: usize| -> Result<Plan> {
             let resources = buffers.resources(slot);

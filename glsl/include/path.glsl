@@ -1,6 +1,6 @@
 // How paths go on from one surface to the next (paper 2, sections 3.3 and 3.5). Needs what radiance.glsl needs, and the bindings
 //   buffer .. { uvec4 data[]; } path_origins;     one a sample: origin of its ray, camera-relative; unused
-//   buffer .. { uvec4 data[]; } path_directions;  its unit direction; unused
+//   buffer .. { uvec4 data[]; } path_directions;  its unit direction; RAY_REFLECTED or RAY_REFRACTED
 //   buffer .. { uvec4 data[]; } path_weights;     what its radiance counts for; what it is inside of
 //   buffer .. { uint data[]; } path_list;         two in turn, `capacity` samples each: see PathCounters
 //   buffer .. { PathCounters data[]; } path_counters;
@@ -68,29 +68,32 @@ uint follow_path(Seen seen, uint slot, uint seed, uint step, vec3 throughput, ui
     }
     uint within = next.through && solid ? beyond : inside;
     path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, next.direction)), 0u);
-    path_directions.data[slot] = uvec4(floatBitsToUint(next.direction), 0u);
+    path_directions.data[slot] = uvec4(floatBitsToUint(next.direction), next.through ? RAY_REFRACTED : RAY_REFLECTED);
     path_weights.data[slot] = uvec4(floatBitsToUint(weight), within);
     return next.through ? PATH_REFRACTED : PATH_REFLECTED;
 }
 
-shared uint path_first[2];
+shared uint path_first[3];
 
-// Lists a sample's ray of a kind for a step. In a workgroup they are in the order of its threads.
-void list_path(uint thread, uint kind, uint step, uint slot) {
+// Lists a sample's ray of a kind for a step. In a workgroup they are in the order of its threads. `index` is the thread's in the list
+// of samples, or in this step's list where every sample has a thread; NO_PATH behind its end.
+void list_path(uint thread, uint index, uint kind, uint step, uint slot) {
     uint mine = kind == PATH_REFLECTED ? 1u : (kind == PATH_REFRACTED ? 0x10000u : 0u);
     uint before = exclusive_sum(thread, mine);
     if (thread == 63u) {
         uint all = before + mine;
         path_first[0] = atomicAdd(path_counters.data[step].reflected, all & 0xffffu);
         path_first[1] = atomicAdd(path_counters.data[step].refracted, all >> 16);
+        path_first[2] = atomicAdd(path_counters.data[step].listed, (all & 0xffffu) + (all >> 16));
     }
     barrier();
-    uint first = (step & 1u) * frame.data.capacity;
-    if (kind == PATH_REFLECTED) {
-        path_list.data[first + path_first[0] + (before & 0xffffu)] = slot;
-    }
-    if (kind == PATH_REFRACTED) {
-        path_list.data[first + frame.data.capacity - 1u - path_first[1] - (before >> 16)] = slot;
+    uvec2 behind = uvec2(before & 0xffffu, before >> 16);
+    uint at = kind == PATH_REFLECTED ? path_first[0] + behind.x : frame.data.capacity - 1u - path_first[1] - behind.y;
+    at = (frame.data.flags & FRAME_PATHS_MIXED) != 0u ? path_first[2] + behind.x + behind.y : at;
+    bool spread = (frame.data.flags & FRAME_PATHS_SPREAD) != 0u;
+    if (spread ? index != NO_PATH : kind != PATH_ENDS) {
+        uint first = (step & 1u) * frame.data.capacity;
+        path_list.data[first + (spread ? index : at)] = kind != PATH_ENDS ? slot : NO_PATH;
     }
 }
 

@@ -20,6 +20,7 @@
 #ifndef STILLRAY_TRAVERSE
 #define STILLRAY_TRAVERSE
 
+#include "count.glsl"
 #include "intersect.glsl"
 
 // What a ray found.
@@ -60,6 +61,7 @@ bool is_better(Intersection best, float t, uint instance, uint primitive) {
 // As primitives: bits 0..23. What is put off is pushed as one of both kinds, at most one entry a level, and two more where
 // an instance is entered: accel/ keeps the sum of the depths below TRAVERSAL_STACK.
 Intersection traverse(vec3 origin, vec3 direction, float tmax) {
+    count_ray();
     const uint WORLD = 0xffffffffu;
     uvec2 stack[TRAVERSAL_STACK];
     uint stacked = 0u;
@@ -81,6 +83,7 @@ Intersection traverse(vec3 origin, vec3 direction, float tmax) {
             uint node = 5u * (node_base + group.x + bitCount(inner & ((1u << child) - 1u)));
             group.y &= ~(1u << bit);
             if (group.y > 0x00ffffffu && stacked < TRAVERSAL_STACK) stack[stacked++] = group;
+            count_node();
             uvec4 head = nodes.data[node];
             uvec4 refs = nodes.data[node + 1u];
             uint hits = hit_children(head, refs, nodes.data[node + 2u], nodes.data[node + 3u], nodes.data[node + 4u], ray, best.t);
@@ -101,6 +104,7 @@ Intersection traverse(vec3 origin, vec3 direction, float tmax) {
                 break;
             }
             uint primitive = triangle_base + slot;
+            count_triangle(instance, primitive);
             Corners corner = load_corners(primitive);
             TriangleHit hit;
             if (hit_triangle(ray, corner.v0, corner.v1, corner.v2, hit) && is_better(best, hit.t, instance, primitive)) {

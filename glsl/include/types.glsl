@@ -20,6 +20,9 @@ const uint MODEL_PATH = 1024u;  // paths go on behind what the camera sees: refl
 // MODEL_PATH brings SEED AREA ENVIRONMENT
 const uint MODEL_MEDIUM = 512u;  // there is fog or mist
 // MODEL_MEDIUM brings LENS AREA DEFORM ENVIRONMENT SEED
+const uint MODEL_COUNT = 16384u;  // what rays cost is counted
+// With everything else, so that each kernel that traces has one variant more and not twice as many.
+// MODEL_COUNT brings ALPHA LENS AREA ENVIRONMENT DEFORM PATH MEDIUM SEED
 
 // A cached sample: 16 bytes (paper 1, section 5).
 struct Sample {
@@ -212,19 +215,45 @@ struct Counters {
 };
 
 // The secondary rays of one step of all paths: those that are reflected are listed from the front of a list, those that are refracted from
-// its back, so that rays of a kind are traced together (paper 2, section 3).
+// its back, so that rays of a kind are traced together (paper 2, section 3). See FRAME_PATHS_MIXED and FRAME_PATHS_SPREAD.
 struct PathCounters {
     uint trace_x;  // workgroups over the list, for vkCmdDispatchIndirect
     uint trace_y;
     uint trace_z;
     uint reflected;
     uint refracted;
+    uint listed;   // entries of the list
     uint padding0;
     uint padding1;
-    uint padding2;
 };
 
 const uint PATH_STEPS = 8u;  // of a path at most
+const uint NO_PATH = 0xffffffffu;  // in the list of a step: a sample that has no ray in it
+
+// Kinds of rays, where they are counted.
+const uint RAY_CAMERA = 0u;
+const uint RAY_SHADOW = 1u;     // from surfaces
+const uint RAY_REFLECTED = 2u;
+const uint RAY_REFRACTED = 3u;
+const uint RAY_MARCH = 4u;      // from points of a march through a medium, to a light
+const uint RAY_KINDS = 5u;
+
+const uint PACKET_THREADS = 16u;  // threads of a packet, where rays are counted
+
+// What the rays of one kind have cost in a frame. Each count is 64 bits: its low word, then its high one.
+struct RayCosts {
+    uint rays[2];
+    uint nodes[2];             // visited
+    uint triangles[2];         // tested
+    uint held[2];              // nodes that the threads of their packets had time for: in each packet 16 times those of the slowest
+    uint packets[2];           // by the kind of their slowest ray
+    uint packet_triangles[2];  // different ones that the rays of a packet tested, summed over packets
+};
+
+struct Traversals {
+    RayCosts kinds[5];  // RAY_KINDS
+    uint march_steps[2];
+};
 
 // Constants of a frame.
 struct Frame {
@@ -263,6 +292,8 @@ const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sa
 const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hidden samples too
 const uint FRAME_NEAREST = 8u;  // textures are not filtered
 const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
+const uint FRAME_PATHS_MIXED = 256u;  // secondary rays are listed in the order of samples, whatever their kind
+const uint FRAME_PATHS_SPREAD = 512u;  // every sample has a thread in every step of paths, whether it has a ray or not
 const uint FRAME_FILL = 32u;  // pixels have a second run of samples, which a fill has added behind the list
 
 // A participating medium in a frame: see scene/medium.rs.

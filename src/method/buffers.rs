@@ -41,6 +41,7 @@ pub struct FrameBuffers {
     /// Origins, directions, weights, list and counters.
     paths: Vec<Buffer>,
     medium: Option<Buffer>,
+    traversals: Option<Buffer>,
     /// The frame.
     pub color: Image,
     /// All of [`Aov::ALL`], or none.
@@ -106,6 +107,7 @@ impl FrameBuffers {
                 Vec::new()
             },
             medium: if storage.medium > 0 { Some(make("medium", storage.medium)?) } else { None },
+            traversals: if storage.traversals > 0 { Some(make("counters", storage.traversals)?) } else { None },
             color: color_image(context, settings)?,
             aovs: aov_images(context, settings)?,
         };
@@ -143,6 +145,7 @@ impl FrameBuffers {
             paths: self.path_resources(),
             previous_corners: self.previous_corners.as_ref().map(|b| Range::whole("previous corners", b)),
             medium: self.medium.as_ref().map(|b| Range::whole("medium", b)),
+            traversals: self.traversals.as_ref().map(|b| Range::whole("traversals", b)),
             claims: shared("claims", 0, s.claims),
             masks: Range::whole("masks", &self.masks),
             plan: Range::whole("plan", &self.plan),

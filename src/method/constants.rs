@@ -2,7 +2,7 @@
 
 use super::storage::Storage;
 use crate::scene::{Environment, Lens, Light, LightKind, LightPose, LightShape, View};
-use crate::settings::{Edges, Filter, Hold, Method, Settings};
+use crate::settings::{Edges, Filter, Grouping, Hold, Method, Settings};
 use crate::shaders;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -53,6 +53,11 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     if settings.subpixels == 2 {
         flags |= shaders::FRAME_QUARTERS;
     }
+    flags |= match settings.path_grouping {
+        Grouping::Kind => 0,
+        Grouping::Mixed => shaders::FRAME_PATHS_MIXED,
+        Grouping::None => shaders::FRAME_PATHS_SPREAD,
+    };
     if settings.fills() {
         flags |= shaders::FRAME_FILL;
     }

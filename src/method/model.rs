@@ -45,6 +45,7 @@ impl Model {
         let environment = feature(Feature::EnvironmentMap).or_else(all);
         let deform = feature(Feature::SkinnedMeshes).or_else(|| feature(Feature::MorphedMeshes)).or_else(all);
         let medium = feature(Feature::Medium).or_else(all);
+        let counts = settings.count.then(|| "rays are counted".to_owned());
         let seed = lens.clone().or_else(|| area.clone()).or_else(|| environment.clone());
         let part = |bit, name, price, cause| Part { bit, name, price, cause };
         let mut parts = vec![
@@ -72,6 +73,7 @@ impl Model {
             part(shaders::MODEL_MEDIUM, "fog and mist", "a march a pixel, with a shadow ray a step", medium),
             part(shaders::MODEL_SEED, "seeds of samples", "4 bytes a cached sample", seed),
             part(shaders::MODEL_AGE, "ages of samples", "4 bytes a cached sample", aov(Aov::Age)),
+            part(shaders::MODEL_COUNT, "what rays cost", "sums of every workgroup that traces", counts),
             part(shaders::MODEL_SOURCE, "what samples were", "8 bytes a cached sample", aov(Aov::Changes)),
         ];
         bring(&mut parts);

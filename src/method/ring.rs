@@ -7,7 +7,7 @@ use crate::accel::Node;
 use crate::gpu::{Buffer, Context, Place, Range};
 use crate::phase::FrameResources;
 use crate::resident::ResidentScene;
-use crate::shaders::{Counters, Frame, Instance, Light, Medium};
+use crate::shaders::{Counters, Frame, Instance, Light, Medium, Traversals};
 
 /// A slot holds the frame's constants, instances, lights, medium, top level, and what deforms, in this order.
 #[derive(Debug)]
@@ -23,11 +23,11 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// For the instances and lights of this scene, and what deforms in it, which goes to `shapes`.
+    /// For the instances and lights of this scene, and what deforms in it, which goes to `shapes`; `counts` if rays are counted.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
-    pub fn new(context: &Context, scene: &ResidentScene, shapes: &[Range]) -> Result<Self> {
+    pub fn new(context: &Context, scene: &ResidentScene, shapes: &[Range], counts: bool) -> Result<Self> {
         let after = |offset: u64, bytes: usize| (offset + bytes as u64).next_multiple_of(16);
         let instances = after(0, size_of::<Frame>());
         let lights = after(instances, scene.instance_count() * size_of::<Instance>());
@@ -41,7 +41,8 @@ impl Ring {
             size += range.size;
         }
         let up = || Buffer::new(context, "upload ring", size, Place::Upload);
-        let down = || Buffer::new(context, "read-back ring", size_of::<Counters>() as u64, Place::Readback);
+        let back = size_of::<Counters>() + if counts { size_of::<Traversals>() } else { 0 };
+        let down = || Buffer::new(context, "read-back ring", back as u64, Place::Readback);
         Ok(Self {
             up: (0..SLOTS).map(|_| up()).collect::<Result<_>>()?,
             down: (0..SLOTS).map(|_| down()).collect::<Result<_>>()?,
@@ -70,7 +71,10 @@ impl Ring {
             .chain(shapes)
             .filter(|(_, to)| to.size > 0)
             .map(|(at, to)| (from(at, to.size), to));
-        Transfers { uploads: uploads.collect(), readback: Range::whole("read-back ring", &self.down[slot]) }
+        let to = |offset, size| Range { offset, size, ..Range::whole("read-back ring", &self.down[slot]) };
+        let traversals = f.traversals.map(|from| (from, to(size_of::<Counters>() as u64, from.size)));
+        let readbacks = [(f.counters, to(0, f.counters.size))].into_iter().chain(traversals);
+        Transfers { uploads: uploads.collect(), readbacks: readbacks.collect() }
     }
 
     /// Writes the constants of a frame.
@@ -106,5 +110,11 @@ impl Ring {
     /// The counters of the slot's last frame.
     pub fn counters(&self, slot: usize) -> Option<Counters> {
         self.down[slot].bytes().get(..size_of::<Counters>()).map(bytemuck::pod_read_unaligned)
+    }
+
+    /// What rays cost in the slot's last frame, if that is counted.
+    pub fn traversals(&self, slot: usize) -> Option<Traversals> {
+        let behind = self.down[slot].bytes().get(size_of::<Counters>()..)?;
+        behind.get(..size_of::<Traversals>()).map(bytemuck::pod_read_unaligned)
     }
 }

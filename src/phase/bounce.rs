@@ -1,7 +1,7 @@
 //! Secondary rays (paper 2, sections 3.3 and 3.5): what is seen in reflections and through what transmits.
 //!
-//! A step of all paths at a time: its rays, those of a kind together, then shadow rays from what they find, then its shading, which
-//! lists the next step's.
+//! A step of all paths at a time: its rays, those of a kind together unless the settings say otherwise ([`crate::settings::Grouping`]),
+//! then shadow rays from what they find, then its shading, which lists the next step's.
 
 use super::{FrameResources, Kit, PathResources, SceneResources, b};
 use crate::Result;
@@ -32,7 +32,7 @@ fn threads(paths: &PathResources, step: u32) -> Threads {
 }
 
 fn route_pass(kit: &Kit, f: &FrameResources, paths: &PathResources, step: u32) -> Result<Pass> {
-    let bindings = route::Bindings { path_counters: b(paths.counters), counters: b(f.counters) };
+    let bindings = route::Bindings { path_counters: b(paths.counters), counters: b(f.counters), frame: b(f.frame) };
     let push = route::Push { step };
     kit.dispatch("bounce", route::SHADER, &bindings.list(), bytemuck::bytes_of(&push), Threads::Exactly([1, 1, 1]))
 }
@@ -61,6 +61,7 @@ fn bounce_pass(
         vertices: Some(b(s.vertices)),
         atlas: Some(s.atlas),
         srgb: Some(b(s.srgb)),
+        traversals: f.traversals.map(b),
     };
     let shader = bounce::modelling(kit.model());
     kit.dispatch("bounce", shader, &bindings.of(shader), bytemuck::bytes_of(&bounce::Push { step }), threads)
@@ -97,6 +98,7 @@ fn shadow_pass(
         path_origins: b(paths.origins),
         path_list: b(paths.list),
         path_counters: b(paths.counters),
+        traversals: f.traversals.map(b),
     };
     let shader = shadow_bounce::modelling(kit.model());
     let push = shadow_bounce::Push { step };

@@ -29,6 +29,7 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         seeds: f.seeds.map(|seeds| b(seeds.now)),
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
         environment_map: Some(b(s.environment_map)),
+        traversals: f.traversals.map(b),
     };
     let shader = shader::modelling(kit.model());
     kit.dispatch("shadow", shader, &bindings.of(shader), &[], f.dense())

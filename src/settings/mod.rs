@@ -58,10 +58,14 @@ pub struct Settings {
     pub gloss: f32,
     /// Part of the paths that are reflected where light passes through too, 0.05 to 0.95 (P of paper 2, section 3.5).
     pub path_part: f32,
+    /// Which secondary rays are traced together.
+    pub path_grouping: Grouping,
     /// Steps of a march through fog or mist, 1 to 256.
     pub medium_steps: u32,
     /// What is modelled.
     pub modelling: Modelling,
+    /// Whether what rays cost is counted ([`crate::stats::RayCosts`]): the pictures are the same, the times are not.
+    pub count: bool,
     /// 32-bit float output instead of 16-bit.
     pub float_output: bool,
     /// Which images besides colour are written.
@@ -93,8 +97,10 @@ impl Default for Settings {
             path_depth: 3,
             gloss: 0.0,
             path_part: 0.25,
+            path_grouping: Grouping::Kind,
             medium_steps: 32,
             modelling: Modelling::Required,
+            count: false,
             float_output: false,
             aovs: Vec::new(),
         }
@@ -337,6 +343,22 @@ pub enum Hold {
 impl Hold {
     /// All of them with their names.
     pub const ALL: [(Self, &str); 2] = [(Self::Sample, "sample"), (Self::Frame, "frame")];
+}
+
+/// Which secondary rays are traced together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Grouping {
+    /// Those of a kind: a list of reflected rays, and behind it one of refracted ones (paper 2, section 3).
+    Kind,
+    /// Those of neighbouring samples: one list of both kinds.
+    Mixed,
+    /// No list: in every step every sample has a thread, whether it has a ray or not.
+    None,
+}
+
+impl Grouping {
+    /// All of them with their names.
+    pub const ALL: [(Self, &str); 3] = [(Self::Kind, "kind"), (Self::Mixed, "mixed"), (Self::None, "none")];
 }
 
 /// What is modelled.

@@ -4,7 +4,7 @@ use super::knob::{
     Domain, Knob,
     Value::{self, Choice, Count, Number, Switch},
 };
-use super::{Edges, Fill, Filter, HistoryFilter, Hold, Method, Modelling, Precision, Sampling, Temporal, Weights};
+use super::{Edges, Fill, Filter, Grouping, HistoryFilter, Hold, Method, Modelling, Precision, Sampling, Temporal, Weights};
 use crate::sampler::{Strategy, Tiling};
 use crate::scene::requirements::Traits;
 
@@ -364,6 +364,22 @@ pub static KNOBS: &[Knob] = &[
         rays: false,
         distinct: |scene, value| scene.transmits || value == Number(0.25),
         ladder: &[Number(0.1), Number(0.25), Number(0.5)],
+    },
+    Knob {
+        name: "path.grouping",
+        about: "which secondary rays are traced together: those of a kind, those of neighbouring samples, or those of whichever \
+                samples have one",
+        unit: "",
+        trades: "kind, mixed: dense lists; none: no list, and threads that wait; the pictures are the same",
+        domain: Domain::Choice {
+            names: || Grouping::ALL.map(|g| g.1).to_vec(),
+            get: |s| Grouping::ALL.iter().position(|g| g.0 == s.path_grouping).unwrap_or_default(),
+            set: |s, i| s.path_grouping = Grouping::ALL.get(i).map_or(s.path_grouping, |g| g.0),
+        },
+        applies: any,
+        rays: false,
+        distinct: |scene, value| scene.transmits || value == Choice(Grouping::ALL[0].1),
+        ladder: &[Choice("kind"), Choice("mixed"), Choice("none")],
     },
     Knob {
         name: "medium.steps",
