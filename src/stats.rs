@@ -74,7 +74,7 @@ pub struct RayCost {
     /// Packets, by the kind of their slowest ray.
     pub packets: u64,
     /// Different triangles that the rays of a packet were tested against, summed over packets. The rays of its threads to the same light are
-    /// taken together. Estimated, to 3 % a packet.
+    /// taken together. Estimated, with a standard deviation of 2 % a packet where there are fewer than 2048; 15615 at most.
     pub packet_triangles: u64,
 }
 

@@ -15,7 +15,7 @@
 
 const uint PACKETS = 64u / PACKET_THREADS;
 // Bits of a set of triangles: how many have been put into it is told from how many are set (linear counting: Whang, Vander-Zanden and
-// Taylor 1990), to 3 % where there are fewer than as many, and at most 15615.
+// Taylor 1990), with a standard deviation of 2 % where there are no more than as many.
 const uint PACKET_BITS = 2048u;
 const uint PACKET_WORDS = PACKET_BITS / 32u;
 

@@ -81,6 +81,22 @@ pub fn any_with_alpha(world: &World, query: &Query, exists: &dyn Fn(&Intersectio
     Walk::new(world, query).run(query, true, &Surfaces { exists, is_one_sided: &|_| false }).is_some()
 }
 
+/// What a ray costs that ends at the first hit it finds (`first`), or at the closest.
+pub fn cost(world: &World, query: &Query, first: bool, surfaces: &Surfaces<'_>) -> Cost {
+    let mut walk = Walk { log: Some(Cost::default()), ..Walk::new(world, query) };
+    walk.go(query, first, surfaces);
+    walk.log.unwrap_or_default()
+}
+
+/// What a ray costs.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Nodes that it visits.
+    pub nodes: u32,
+    /// Instance and slot of each triangle that it is tested against, in order.
+    pub tested: Vec<(u32, u32)>,
+}
+
 /// What a walk asks about the surfaces that it meets.
 #[derive(Clone, Copy)]
 pub struct Surfaces<'a> {
@@ -136,6 +152,7 @@ struct Walk<'a> {
     found: bool,
     group: Group,
     ray: Ray,
+    log: Option<Cost>,
 }
 
 impl<'a> Walk<'a> {
@@ -150,10 +167,16 @@ impl<'a> Walk<'a> {
             found: false,
             group: if usable { Group::ROOT } else { Group::default() },
             ray: Ray::new(query.origin, if usable { query.direction } else { Vec3::ONE }),
+            log: None,
         }
     }
 
     fn run(mut self, query: &Query, first: bool, surfaces: &Surfaces<'_>) -> Option<Intersection> {
+        self.go(query, first, surfaces);
+        self.found.then_some(self.best)
+    }
+
+    fn go(&mut self, query: &Query, first: bool, surfaces: &Surfaces<'_>) {
         for _ in 0..shaders::TRAVERSAL_STEPS {
             let mut primitives = self.group;
             if self.group.has_nodes() {
@@ -172,7 +195,6 @@ impl<'a> Walk<'a> {
                 break;
             }
         }
-        self.found.then_some(self.best)
     }
 
     /// Visits the next child of the group, which becomes the child's own; returns the child's primitives.
@@ -184,6 +206,9 @@ impl<'a> Walk<'a> {
         let index = node_base + self.group.base + (inner & ((1 << child) - 1)).count_ones();
         if self.group.has_nodes() {
             self.push(self.group);
+        }
+        if let Some(log) = &mut self.log {
+            log.nodes += 1;
         }
         let node = self.node(index);
         let hits = hit_children(node, &self.ray, self.best.t);
@@ -221,6 +246,9 @@ impl<'a> Walk<'a> {
     }
 
     fn test(&mut self, instance: u32, primitive: u32, surfaces: &Surfaces<'_>) {
+        if let Some(log) = &mut self.log {
+            log.tested.push((instance, primitive));
+        }
         let Some(hit) = hit_triangle(&self.ray, self.world.geometry.corners(primitive)) else { return };
         let back = hit.back;
         let hit = Intersection { instance, primitive, u: hit.u, v: hit.v, t: hit.t };
