@@ -20,9 +20,8 @@ use stillray::oracle::verify::{query, verify};
 use stillray::progress::Quiet;
 use stillray::renderer::{FrameStats, Method, RayCosts, Settings};
 use stillray::scene::atlas::{Atlas, material_records};
-use stillray::scene::medium::{Medium, Region};
 use stillray::scene::motion::Motion;
-use stillray::scene::{Scene, View};
+use stillray::scene::{Medium, Scene, View};
 use stillray::settings::Grouping;
 use stillray::shaders::{self, RAY_CAMERA, RAY_SHADOW, SKY_INSTANCE, Sample, Shader, Traversals};
 use stillray::stats::RayCost;
@@ -164,10 +163,8 @@ fn every_ray_costs_on_the_device_what_it_costs_the_twin() {
             shadow_query(&stage, &seen.lights[0], &found, &Cell::new(false))
         };
         let shadow: Vec<Query> = camera.iter().filter_map(to_light).collect();
-        let kernels = [
-            (RAY_CAMERA, shaders::closest_count::SHADER, &camera),
-            (RAY_SHADOW, shaders::any_count::SHADER, &shadow),
-        ];
+        let kernels =
+            [(RAY_CAMERA, shaders::closest_count::SHADER, &camera), (RAY_SHADOW, shaders::any_count::SHADER, &shadow)];
         for (kind, shader, queries) in kernels {
             let (costs, sums) = seen.trace(shader, queries);
             let twins = threads(&world, kind, queries);
@@ -212,7 +209,8 @@ fn a_frame_costs_what_its_twin_costs() {
         let shadow = |s: &Sample| {
             let found = verify(&stage, *s).found;
             let visible = found.instance != SKY_INSTANCE;
-            let queries = seen.lights.iter().filter_map(|l| shadow_query(&stage, l, &found, &doubtful).filter(|_| visible));
+            let queries =
+                seen.lights.iter().filter_map(|l| shadow_query(&stage, l, &found, &doubtful).filter(|_| visible));
             let rays = queries.map(|query| cost(&seen.world(), &query, true, &SOLID)).collect();
             Thread { kind: RAY_SHADOW, rays }
         };
@@ -243,8 +241,7 @@ fn a_frame_costs_what_its_twin_costs() {
 
 /// Fog that hides nothing.
 fn thin_fog(mut scene: Scene, steps: u32) -> (Scene, Settings) {
-    let medium = Medium { scattering: glam::Vec3::splat(1e-6), ..Medium::default() };
-    scene.medium = Some(Medium { region: Region::Everywhere, ..medium });
+    scene.medium = Some(Medium::fog(1e-6));
     (scene, Settings { medium_steps: steps, ..settings(Method::Stable) })
 }
 
@@ -258,13 +255,19 @@ fn counting_changes_nothing_else_and_counts_the_rays_of_every_frame() {
         let rig = Rig::new(load(name));
         for method in methods {
             let counting = settings(*method);
-            let [mut with, mut without] = [true, false].map(|count| rig.session(&Settings { count, ..counting.clone() }));
+            let [mut with, mut without] =
+                [true, false].map(|count| rig.session(&Settings { count, ..counting.clone() }));
             for i in 0..3 {
                 let [counted, plain] = [&mut with, &mut without].map(|s| rig.frame(s, Motion::Pan, i));
                 assert_eq!(FrameStats { costs: None, ..counted }, plain, "{name}");
                 assert_eq!(bits(&with.color().unwrap()), bits(&without.color().unwrap()), "{name}, {}", method.name());
                 let costs = counted.costs.unwrap();
-                let rays = [costs.camera.rays, costs.shadow.rays + costs.march.rays, costs.reflection.rays, costs.refraction.rays];
+                let rays = [
+                    costs.camera.rays,
+                    costs.shadow.rays + costs.march.rays,
+                    costs.reflection.rays,
+                    costs.refraction.rays,
+                ];
                 let told = [plain.rays, plain.shadow_rays, plain.reflection_rays, plain.refraction_rays].map(u64::from);
                 assert_eq!(rays, told, "{name}, {}, frame {i}", method.name());
                 for (kind, cost) in costs.kinds().into_iter().filter(|(_, cost)| cost.rays > 0) {
@@ -373,7 +376,11 @@ fn more_rays_than_a_word_counts_are_counted() {
     traversals.kinds[RAY_SHADOW as usize].nodes = [5, 2];
     assert_eq!(RayCosts::of(&traversals).shadow.nodes, (2 << 32) + 5);
     // The device carries into the high word: sums that begin just below it.
-    let seen = Seen::new(&load("builtin:cornell"), &settings(Method::Supersample), load("builtin:cornell").pose(0.0).cameras[0]);
+    let seen = Seen::new(
+        &load("builtin:cornell"),
+        &settings(Method::Supersample),
+        load("builtin:cornell").pose(0.0).cameras[0],
+    );
     let stage = seen.stage();
     let queries: Vec<Query> = generate(&seen.frame).samples.par_iter().map(|s| query(&stage, *s)).collect();
     let (_, sums) = seen.trace(shaders::closest_count::SHADER, &queries);

@@ -9,6 +9,7 @@ use clap::{ArgAction, Args};
 use stillray::headless::{Device, LoadedScene};
 use stillray::progress::Progress;
 use stillray::report::{file, json};
+use stillray::reproduce::coherence::{self, coherence};
 use stillray::reproduce::contest::{Contestant, Score, contest};
 use stillray::reproduce::figures::{Figures, distributions, qualities, samplers, thickening};
 use stillray::reproduce::phases;
@@ -139,6 +140,7 @@ impl Reproduce {
         }
         figure("builtin:strands", "Paper 1, Figure 10: edge thickening, before and after", thickening)?;
         figure("builtin:penumbra", "Paper 2, Figure 16: strategies and tilings", samplers)?;
+        figure(coherence::SCENE, "Paper 2, Figures 17 to 19: coherence", coherence)?;
         Ok(all)
     }
 

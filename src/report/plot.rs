@@ -42,7 +42,8 @@ impl Plot {
             let at: Vec<[f64; 2]> = points.iter().map(|p| self.place(*p, &values, top)).collect();
             let path: Vec<String> = at.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
             let path = path.join(" ");
-            let _ = writeln!(text, "<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>");
+            let _ =
+                writeln!(text, "<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>");
             for [x, y] in &at {
                 let _ = writeln!(text, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.5\" fill=\"{color}\"/>");
             }
@@ -68,7 +69,11 @@ impl Plot {
             let _ = writeln!(text, "<text x=\"{x:.1}\" y=\"{y}\" text-anchor=\"middle\">{value}</text>");
         }
         let middle = [f64::midpoint(left, end), SIZE[1] - 10.0];
-        let _ = writeln!(text, "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>", middle[0], middle[1], self.across);
+        let _ = writeln!(
+            text,
+            "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+            middle[0], middle[1], self.across
+        );
         let y = f64::midpoint(above, bottom);
         let _ = writeln!(
             text,

@@ -4,7 +4,9 @@ use super::knob::{
     Domain, Knob,
     Value::{self, Choice, Count, Number, Switch},
 };
-use super::{Edges, Fill, Filter, Grouping, HistoryFilter, Hold, Method, Modelling, Precision, Sampling, Temporal, Weights};
+use super::{
+    Edges, Fill, Filter, Grouping, HistoryFilter, Hold, Method, Modelling, Precision, Sampling, Temporal, Weights,
+};
 use crate::sampler::{Strategy, Tiling};
 use crate::scene::requirements::Traits;
 
