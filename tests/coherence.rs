@@ -347,6 +347,19 @@ fn counts_are_the_same_run_after_run() {
     assert_eq!(certain(run(Grouping::Kind)), certain(run(Grouping::Kind)));
 }
 
+/// Whether a shader has an instruction of this number (SPIR-V 1.6, section 3.49).
+fn has(shader: &Shader, opcode: u32) -> bool {
+    let words = shader.words();
+    let mut at = 5;
+    while at < words.len() {
+        if words[at] & 0xffff == opcode {
+            return true;
+        }
+        at += (words[at] >> 16).max(1) as usize;
+    }
+    false
+}
+
 /// Kernels are compiled once more for counting, and those that do not count bind nothing for it.
 #[test]
 fn who_does_not_count_has_nothing_of_it() {
@@ -359,6 +372,16 @@ fn who_does_not_count_has_nothing_of_it() {
     };
     assert_eq!(["verify", "bounce", "shadow", "shadow_bounce", "medium", "closest", "any"].map(of), [1; 7]);
     assert_eq!(counting.len(), 7, "{counting:?}");
+    // Counting waits at barriers and sets bits of shared words; what only traces has neither.
+    const BARRIER: u32 = 224;
+    const ATOMIC_OR: u32 = 241;
+    for stem in ["verify", "bounce", "medium", "closest", "any"] {
+        let own = |s: &&&Shader| s.name == stem || s.name.starts_with(&format!("{stem}_"));
+        for shader in shaders::ALL.iter().filter(own) {
+            let counts = counting.contains(&shader.name);
+            assert_eq!([has(shader, BARRIER), has(shader, ATOMIC_OR)], [counts; 2], "{}", shader.name);
+        }
+    }
     let settings = |count| Settings { count, ..settings(Method::Stable) };
     let rig = Rig::new(load("builtin:cornell"));
     let buffers = |count| {
