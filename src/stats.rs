@@ -74,7 +74,8 @@ pub struct RayCost {
     /// Packets, by the kind of their slowest ray.
     pub packets: u64,
     /// Different triangles that the rays of a packet were tested against, summed over packets. The rays of its threads to the same light are
-    /// taken together. Estimated, with a standard deviation of 2 % a packet where there are fewer than 2048; 15615 at most.
+    /// taken together. Estimated and rounded to a whole number, with a standard deviation of 2 % a packet where there are fewer
+    /// than 2048; 15615 at most.
     pub packet_triangles: u64,
 }
 
