@@ -78,10 +78,12 @@ const SWEEPS: [Sweep; 3] = [
             },
             Claim {
                 words: "\"shadow rays are not as strongly influenced\"",
-                wanted: "rise less than the camera's",
+                wanted: "rise less than all others",
                 judge: |points| {
-                    let [shadow, camera] = ["shadow", "camera"].map(|kind| rise(points, kind));
-                    (format!("×{shadow:.2} against ×{camera:.2}"), shadow < camera)
+                    let [shadow, camera, reflection, refraction] =
+                        ["shadow", "camera", "reflection", "refraction"].map(|kind| rise(points, kind));
+                    let least = camera.min(reflection).min(refraction);
+                    (format!("×{shadow:.2} against ×{camera:.2}, ×{reflection:.2}, ×{refraction:.2}"), shadow < least)
                 },
             },
         ],
