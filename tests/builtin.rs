@@ -175,7 +175,7 @@ fn view_of(scene: &Scene) -> View {
     let camera = &scene.cameras[0];
     match scene.nodes[camera.node].local {
         LocalTransform::Trs { translation, rotation, .. } => {
-            View { position: translation, rotation, yfov: camera.yfov, lens: camera.lens }
+            View { position: translation, rotation, yfov: camera.yfov, lens: camera.lens, shutter: camera.shutter }
         }
         LocalTransform::Matrix(_) => panic!("cameras of built-in scenes are placed by TRS"),
     }

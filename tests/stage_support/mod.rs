@@ -348,7 +348,13 @@ fn lights() -> Vec<shaders::Light> {
         (LightKind::Point, DVec3::new(11.0, -2.4, -8.0), down),
     ];
     let one = |(kind, position, direction)| {
-        constants::light(&light(kind), &LightPose { position, direction, axes: [DVec3::X, DVec3::Y] }, DVec3::ZERO)
+        let before = position - DVec3::new(0.2, -0.1, 0.3);
+        constants::light(
+            &light(kind),
+            &LightPose { position, direction, axes: [DVec3::X, DVec3::Y] },
+            DVec3::ZERO,
+            before,
+        )
     };
     placed.into_iter().map(one).collect()
 }
