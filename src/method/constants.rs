@@ -90,6 +90,7 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         gloss: settings.gloss,
         part: settings.path_part,
         path_depth: settings.path_depth,
+        ..Default::default()
     }
 }
 
