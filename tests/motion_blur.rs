@@ -112,8 +112,8 @@ fn the_smear_of_an_edge_is_a_ramp() {
     // A whole pixel on either side of the edges is all black or all white, and the edge in the middle of a filter is a half.
     assert!(worst(&sharp[..10], &[0.0; 10]) < 1e-6 && worst(&sharp[15..48], &[1.0; 33]) < 1e-6);
     for method in [Method::Reference, Method::Supersample, Method::Stable] {
-        let hold = if method == Method::Stable { Hold::Frame } else { Hold::default() };
-        for (what, hold) in [("held", Hold::default()), ("drawn anew", hold)] {
+        let hold = if method == Method::Stable { Hold::Frame } else { Hold::Sample };
+        for (what, hold) in [("held", Hold::Sample), ("drawn anew", hold)] {
             let base = Settings { size: STRIP, float_output: true, jitter: true, hold, ..Settings::of(method) };
             let settings = Settings { spp: 8, density: 8.0, ..base };
             for shutter in [1.0, 0.5] {
