@@ -89,15 +89,12 @@ fn triangle_counts_are_as_documented() {
     // Ten balls of 2 * 64 * 31 triangles, the beads of 2 * 32 * 15, and the floor.
     assert_eq!(count("spheres"), 10 * 3_968 + 36 * 960 + 2);
     assert_eq!(count("spheres?beads=0"), 10 * 3_968 + 2);
-<<<<<<< HEAD
     // A lathe's outline of 30 points, a marble, bubbles of 2 * 32 * 15, two rolls of 16 points, cloth and sheet.
     let tray = 2 * 128 * (4 * 7 + 1 - 1) + 2 * 64 * 31 + 2 * (2 * 48 * (2 * 7 + 1 - 1)) + 2 + 2;
     assert_eq!(count("ashtray?bubbles=0"), tray);
     assert_eq!(count("ashtray"), tray + 11 * 960);
-=======
     // The paper's 16,000 of sixteen balls, cloth and carpet, and eight boxes.
     assert_eq!(count("billiards"), 16_000 + 4 + 8 * 12);
->>>>>>> d21d082 (Balls on a pool table, and what blurs against closed forms: begun)
 }
 
 #[test]

@@ -3,11 +3,8 @@
 //! Each has a camera named `main` that frames it, lights and an environment of its own. The same name, parameters and
 //! seed give the same scene, bit for bit, on one platform.
 
-<<<<<<< HEAD
 mod ashtray;
-=======
 mod billiards;
->>>>>>> d21d082 (Balls on a pool table, and what blurs against closed forms: begun)
 mod bump;
 mod cornell;
 mod font;
