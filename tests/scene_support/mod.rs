@@ -144,7 +144,12 @@ impl Stage {
     }
 
     pub fn frame(&mut self, view: View) -> Pixels {
-        let pose = self.scene.pose(0.0);
+        self.frame_at(view, 0.0)
+    }
+
+    /// With the scene's animations after so many seconds.
+    pub fn frame_at(&mut self, view: View, seconds: f64) -> Pixels {
+        let pose = self.scene.pose(seconds);
         self.session.frame(&FrameInputs { view, pose: &pose, reset: false }).unwrap();
         self.session.color().unwrap()
     }
