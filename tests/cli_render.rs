@@ -249,7 +249,7 @@ fn a_shutter_is_asked_for_on_the_command_line() {
     };
     let [of_scene, half, whole, none] =
         [("a", ""), ("b", "--shutter 0.5"), ("c", "--shutter 1"), ("d", "--shutter 0")].map(|(n, m)| render(n, m));
-    assert!(of_scene == half, "the scene's camera has this one");
+    assert!(of_scene == whole, "the scene's camera has this one");
     // Before the first frame there is none from which anything moves.
     assert!(whole[0] == none[0] && whole[1] != none[1] && whole[1] != half[1]);
     let placed = "--camera 0,1,1:0,0,0";

@@ -293,8 +293,9 @@ fn shadows_stay_where_they_are_under_a_moving_camera() {
 fn frames(scene: &Scene, settings: &Settings, shutter: f64, times: &[f64]) -> Vec<Vec<f32>> {
     let mut stage = Stage::new(scene.clone(), settings);
     let one = |time: &f64| {
-        let pose = stage.scene.pose(*time);
-        stage.session.frame(&FrameInputs { view: open(shutter), pose: &pose, reset: false }).unwrap();
+        // A method that accumulates renders a picture from each reset on.
+        let (pose, reset) = (stage.scene.pose(*time), settings.method.accumulates());
+        stage.session.frame(&FrameInputs { view: open(shutter), pose: &pose, reset }).unwrap();
         stage.session.color().unwrap().data
     };
     times.iter().map(one).collect()
@@ -371,8 +372,9 @@ fn samples_stay_on_what_is_blurred() {
     };
     let [blurred, sharp] = [0.5, 0.0].map(reused);
     println!("{blurred:.4?} {sharp:.4?}");
-    assert!(blurred[0] == 0.0 && blurred[1..].iter().all(|x| *x > 0.9), "{blurred:?}");
-    assert!(blurred.iter().zip(&sharp).all(|(b, s)| (b - s).abs() < 0.05), "{blurred:?} {sharp:?}");
+    assert!(blurred[0] == 0.0 && blurred[1..].iter().all(|x| *x > 0.97), "{blurred:?}");
+    // Of some 14,000 rays a hundredth are new ones: a standard deviation of 0.0009, five times for each of two.
+    assert!(blurred.iter().zip(&sharp).all(|(b, s)| (b - s).abs() < 0.01), "{blurred:?} {sharp:?}");
 }
 
 /// Scales from 1e-5 to 1e5, turns by half a turn, mirrors and what has no inverse half-way or before: finite, and clean.

@@ -67,7 +67,7 @@ impl Model {
             part(
                 shaders::MODEL_MOTION,
                 "an open shutter",
-                "a time a sample, and a matrix inverted where its ray enters what moves",
+                "a time a sample, an inverse where rays enter what moves",
                 motion,
             ),
             part(

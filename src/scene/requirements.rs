@@ -57,8 +57,8 @@ pub struct Traits {
     pub lights: u32,
     /// Whether there are textures.
     pub textures: bool,
-    /// Whether more than the place in the pixel is sampled: a lens, a shutter's time, lights that have an extent, or a map of light from all
-    /// around.
+    /// Whether more than the place in the pixel is sampled: a lens, a shutter's time, lights that have an extent, or a map of
+    /// light from all around.
     #[serde(default = "yes")]
     pub distributed: bool,
     /// Whether light passes through something.

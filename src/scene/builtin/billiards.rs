@@ -18,8 +18,9 @@ pub(super) const RINGS: Parameter = Parameter { name: "rings", min: 4, max: 256,
 const RADIUS: f64 = 0.028_575;
 /// Half the cloth's length and width between the cushions.
 const BED: DVec2 = DVec2::new(0.86, 0.46);
-/// Seconds after which everything is where it started, having rolled there and back.
-const PERIOD: f64 = 1.2;
+/// Seconds after which everything is where it started, having rolled there and back: at 60 frames a second the cue ball goes two
+/// thirds of its radius a frame, and turns by as many radians.
+const PERIOD: f64 = 0.8;
 /// Keys of a rotation from one end to the other: less than half a turn between two of them.
 const KEYS: u32 = 12;
 
@@ -36,7 +37,7 @@ const PAINTS: [[u8; 3]; 8] = [
 ];
 
 pub(super) fn build(rings: u32, seed: u32) -> Scene {
-    let mut stage = Stage::new("billiards", Vec3::new(0.055, 0.06, 0.07));
+    let mut stage = Stage::new("billiards", Vec3::new(0.08, 0.085, 0.10));
     table(&mut stage, seed);
     let mut random = Random::new(seed, 1);
     let mut channels = Vec::new();
@@ -51,12 +52,12 @@ pub(super) fn build(rings: u32, seed: u32) -> Scene {
     stage.animation(Animation { name: "break".to_owned(), channels });
     let lamp = DVec3::new(-0.05, 1.05, 0.05);
     let shape = LightShape::Rectangle([0.9, 0.4]);
-    stage.area_light(lamp, DVec3::new(0.0, -1.0, -0.02), Vec3::new(1.0, 0.93, 0.82), 2.6, shape);
-    let (eye, target) = (DVec3::new(0.36, 0.40, 0.74), DVec3::new(-0.06, 0.0, 0.0));
-    stage.camera(eye, target, 0.62);
+    stage.area_light(lamp, DVec3::new(0.0, -1.0, -0.02), Vec3::new(1.0, 0.93, 0.82), 4.6, shape);
+    let (eye, target) = (DVec3::new(0.36, 0.40, 0.74), DVec3::new(-0.04, 0.0, 0.01));
+    stage.camera(eye, target, 0.53);
     let mut scene = stage.finish();
     scene.cameras[0].lens = Lens { aperture: 0.012, focus: (target - eye).length(), blades: 0 };
-    scene.cameras[0].shutter = 0.5;
+    scene.cameras[0].shutter = 1.0;
     scene
 }
 
