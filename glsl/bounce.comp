@@ -3,7 +3,7 @@
 // What the secondary rays of a step find (paper 2, sections 3.3 and 3.5), one thread a ray: those that are reflected first, then those
 // that are refracted. It takes the place of what the camera ray has found, which is shaded by then.
 //
-// models: ALPHA
+// models: ALPHA MOTION
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -27,8 +27,12 @@ layout(set = 0, binding = 13) uniform sampler2DArray atlas;
 layout(set = 0, binding = 14, std430) readonly buffer Srgb { float data[256]; } srgb;
 #include "alpha_hit.glsl"
 #endif
+#ifdef MOTION
+layout(set = 0, binding = 15, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 #include "camera.glsl"
 #include "path_list.glsl"
+#include "placement.glsl"
 #include "traverse.glsl"
 
 void main() {
@@ -37,6 +41,9 @@ void main() {
         return;
     }
     vec3 origin = uintBitsToFloat(path_origins.data[slot].xyz);
+#ifdef MOTION
+    frame_time = uintBitsToFloat(path_origins.data[slot].w);
+#endif
     vec3 direction = uintBitsToFloat(path_directions.data[slot].xyz);
     Intersection hit = traverse(origin, direction, uintBitsToFloat(INFINITY_BITS));
     bool sky = hit.primitive == HIT_SKY;

@@ -336,6 +336,10 @@ impl Renderer {
             let expected = "a pinhole, since no camera of the scene has an aperture; or model = all".to_owned();
             return wrong("view.lens", format!("{:?}", inputs.view.lens), expected);
         }
+        if inputs.view.shutter > 0.0 && !self.frames.model.has(shaders::MODEL_MOTION) {
+            let expected = "0, since no camera of the scene has a shutter; or model = all".to_owned();
+            return wrong("view.shutter", inputs.view.shutter.to_string(), expected);
+        }
         constants::check_view(&inputs.view, self.settings.size)
     }
 
@@ -347,7 +351,7 @@ impl Renderer {
         let before = self.motion_origin(inputs, self.last.as_ref());
         let Some(deforming) = &mut self.deforming else { return Ok(()) };
         let before = before.as_ref().map_or(inputs.pose, |(_, pose)| pose);
-        deforming.shape(&self.scene, inputs.pose, before)
+        deforming.shape(&self.scene, inputs.pose, before, inputs.view.shutter > 0.0)
     }
 
     /// The scene's geometry, as it is in the last frame that was recorded.
@@ -404,7 +408,9 @@ impl Renderer {
             })
             .collect();
         deforming::mark(&self.scene, &mut instances);
-        self.tlas.rebuild(geometry, &mut instances);
+        let shutter = moment.view.shutter;
+        instances.iter_mut().for_each(|instance| accel::mark_moving(instance, shutter));
+        self.tlas.rebuild_over(geometry, &mut instances, shutter);
         let slot = (self.recorded % SLOTS as u64) as usize;
         self.frames.ring.write_instances(slot, &instances);
         self.frames.ring.write_top_level(slot, &self.tlas.nodes);
@@ -415,9 +421,14 @@ impl Renderer {
 
     fn write_constants(&mut self, slot: usize, inputs: &FrameInputs<'_>, moment: &Moment) {
         let frame = constants::frame(&self.settings, &self.frames.storage, &self.scene.environment, moment);
-        let placed = self.scene.lights.iter().zip(&inputs.pose.lights);
-        let lights: Vec<shaders::Light> =
-            placed.map(|(light, pose)| constants::light(light, pose, inputs.view.position)).collect();
+        let before = self.last.as_ref().and_then(|last| last.before.as_ref());
+        let before = before.map_or(&inputs.pose.lights, |(_, pose)| &pose.lights);
+        let placed = self.scene.lights.iter().zip(inputs.pose.lights.iter().zip(before));
+        let lights: Vec<shaders::Light> = placed
+            .map(|(light, (now, then))| {
+                constants::light(light, now, inputs.view.position, then.position - moment.previous.position)
+            })
+            .collect();
         self.frames.ring.write_frame(slot, &frame);
         self.frames.ring.write_lights(slot, &lights);
         let medium = self.scene.medium.map(|m| m.record(inputs.view.position, inputs.pose.drift, self.scene.ambient));

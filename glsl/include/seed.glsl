@@ -17,6 +17,7 @@ uint new_seed(uvec2 pixel, uint number) {
 
 // Pairs of dimensions of a path; 0 is the place in the pixel.
 const uint PAIR_LENS = 1u;
+const uint PAIR_TIME = 2u;
 const uint PAIR_LIGHT = 3u;
 const uint PAIR_ENVIRONMENT = 5u;
 const uint PAIR_LOBE = 4u;

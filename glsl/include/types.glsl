@@ -16,6 +16,8 @@ const uint MODEL_LENS = 16u;   // the camera has an aperture
 const uint MODEL_AREA = 32u;   // some light has an extent
 const uint MODEL_ENVIRONMENT = 64u;  // light comes from all around as a map says
 const uint MODEL_DEFORM = 128u;  // some mesh deforms
+const uint MODEL_MOTION = 256u;  // the camera's shutter is open for a while
+// MODEL_MOTION brings LENS DEFORM SEED
 const uint MODEL_PATH = 1024u;  // paths go on behind what the camera sees: reflections, refraction
 // MODEL_PATH brings SEED AREA ENVIRONMENT
 const uint MODEL_MEDIUM = 512u;  // there is fog or mist
@@ -90,6 +92,7 @@ struct Instance {
 const uint INSTANCE_FLIPPED = 1u;  // the transform's determinant is negative
 const uint INSTANCE_ALPHA = 2u;    // some material of the mesh has an alpha mask or blend, or lets light through
 const uint INSTANCE_DEFORMS = 4u;  // the mesh is another one in each frame
+const uint INSTANCE_MOVES = 8u;    // it is elsewhere at other times of the frame: between `previous` and `to_relative`
 const uint INSTANCE_SHAPE_SHIFT = 4u;  // of an instance that deforms, the bits from here on: its first triangle in `previous_corners`
 const uint SHAPE_TRIANGLES = 16777216u;  // that a mesh which deforms may have: slots are told as floats
 
@@ -157,6 +160,8 @@ struct Light {
     float spot_offset;  // -cos outer * spot_scale
     vec3 up;            // the same along its other axis
     uint shape;         // LIGHT_SHARP, LIGHT_RECTANGLE or LIGHT_DISC
+    vec3 moved;         // metres that the position moved relative to the camera since the last frame
+    uint padding0;
 };
 
 const uint LIGHT_SHARP = 0u;  // no extent
@@ -256,6 +261,10 @@ struct Frame {
     float gloss;           // surfaces of at most this roughness send reflection rays; 0: none do
     float part;            // of the paths at a surface that both reflects and transmits, those that are reflected
     uint path_depth;       // secondary rays of a path at most
+    float shutter;         // part of the time from the last frame to this one for which the shutter is open, at its end: 0..1
+    uint padding0;
+    uint padding1;
+    uint padding2;
 };
 
 const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut
@@ -263,6 +272,7 @@ const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sa
 const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hidden samples too
 const uint FRAME_NEAREST = 8u;  // textures are not filtered
 const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
+const uint FRAME_TURNS = 64u;  // the camera's axes move while the shutter is open
 const uint FRAME_FILL = 32u;  // pixels have a second run of samples, which a fill has added behind the list
 
 // A participating medium in a frame: see scene/medium.rs.

@@ -45,6 +45,7 @@ impl Model {
         let environment = feature(Feature::EnvironmentMap).or_else(all);
         let deform = feature(Feature::SkinnedMeshes).or_else(|| feature(Feature::MorphedMeshes)).or_else(all);
         let medium = feature(Feature::Medium).or_else(all);
+        let motion = feature(Feature::MotionBlur).or_else(all);
         let seed = lens.clone().or_else(|| area.clone()).or_else(|| environment.clone());
         let part = |bit, name, price, cause| Part { bit, name, price, cause };
         let mut parts = vec![
@@ -62,6 +63,12 @@ impl Model {
                 "meshes that deform",
                 "their upload in each frame, twice their corners",
                 deform,
+            ),
+            part(
+                shaders::MODEL_MOTION,
+                "an open shutter",
+                "a time a sample, an inverse where rays enter what moves",
+                motion,
             ),
             part(
                 shaders::MODEL_PATH,

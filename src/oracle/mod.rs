@@ -10,6 +10,7 @@ pub mod gather;
 pub mod generate;
 pub mod lens;
 pub mod medium;
+pub mod motion;
 pub mod random;
 pub mod reconstruct;
 pub mod reproject;

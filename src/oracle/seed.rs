@@ -9,6 +9,8 @@ use crate::shaders::{Frame, NO_SOURCE};
 /// Which dimensions of a path are for what: pairs, of which the first is the place in the pixel.
 pub const PAIR_LENS: u32 = 1;
 /// See [`PAIR_LENS`].
+pub const PAIR_TIME: u32 = 2;
+/// See [`PAIR_LENS`].
 pub const PAIR_LIGHT: u32 = 3;
 /// See [`PAIR_LENS`].
 pub const PAIR_ENVIRONMENT: u32 = 5;

@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use glam::Vec3;
 
+use super::motion::light_at_time;
 use super::random::{hash_combine, hash_uint};
 use super::stage::{Stage, U, normal_error};
 use super::traverse::{Intersection, Query, any_with_alpha, offset_origin};
@@ -89,7 +90,7 @@ pub fn light_weight(frame: &Frame) -> f64 {
 pub fn shadow_query(stage: &Stage<'_>, light: &Light, found: &Found, doubtful: &Cell<bool>) -> Option<Query> {
     let point = stage.surface(found.instance, found.primitive, found.u, found.v);
     let directional = light.kind == LIGHT_DIRECTIONAL;
-    let target = Vec3::from(light.position);
+    let target = Vec3::from(light_at_time(light, stage.world.time).position);
     let towards = if directional { -Vec3::from(light.direction) } else { target - point.position };
     let seen_along = point.position - stage.eye();
     let facing = point.normal.dot(seen_along);

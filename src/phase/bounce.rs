@@ -61,6 +61,7 @@ fn bounce_pass(
         vertices: Some(b(s.vertices)),
         atlas: Some(s.atlas),
         srgb: Some(b(s.srgb)),
+        previous_corners: f.previous_corners.map(b),
     };
     let shader = bounce::modelling(kit.model());
     kit.dispatch("bounce", shader, &bindings.of(shader), bytemuck::bytes_of(&bounce::Push { step }), threads)
@@ -97,6 +98,7 @@ fn shadow_pass(
         path_origins: b(paths.origins),
         path_list: b(paths.list),
         path_counters: b(paths.counters),
+        previous_corners: f.previous_corners.map(b),
     };
     let shader = shadow_bounce::modelling(kit.model());
     let push = shadow_bounce::Push { step };
@@ -135,6 +137,7 @@ fn scatter_pass(
         path_list: b(paths.list),
         path_counters: b(paths.counters),
         medium: f.medium.map(b),
+        previous_corners: f.previous_corners.map(b),
     };
     let shader = scatter::modelling(kit.model());
     let push = scatter::Push { step };

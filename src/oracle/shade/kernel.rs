@@ -12,6 +12,7 @@ use crate::oracle::bounded::Bounded;
 use crate::oracle::camera::{Projection, project_within, transform_bounded};
 use crate::oracle::environment::{Afar, DIRECTION, IRRADIANCE};
 use crate::oracle::lens::lens_shift_bounded;
+use crate::oracle::motion::light_at_time;
 use crate::oracle::shadow::light_weight;
 use crate::oracle::stage::{Stage, U, normal_error};
 use crate::oracle::traverse::transform_point;
@@ -32,6 +33,8 @@ pub struct Shading {
     pub error: DVec3,
     /// Where it lies in this frame, within [`MOTION_REACH`].
     pub place: Projection,
+    /// Where it lies at the end of this frame, which is elsewhere if it is seen before, and moves.
+    pub end: Projection,
     /// Where it lay in the last frame, within [`MOTION_REACH`].
     pub last: Projection,
     /// Distance from the camera in metres; infinite for the sky.
@@ -49,8 +52,8 @@ pub fn shade(stage: &Stage<'_>, lights: &[Light], sample: &Sample, found: &Found
     } else {
         surface_radiance(stage, lights, environment, found, lit)
     };
-    let (place, last, depth) = locate(stage, sample);
-    Some(Shading { radiance, error, place, last, depth })
+    let ([place, end, last], depth) = locate(stage, sample);
+    Some(Shading { radiance, error, place, end, last, depth })
 }
 
 fn sky_radiance(stage: &Stage<'_>, uniform: DVec3, sample: &Sample) -> (DVec3, DVec3) {
@@ -59,8 +62,8 @@ fn sky_radiance(stage: &Stage<'_>, uniform: DVec3, sample: &Sample) -> (DVec3, D
     (uniform + radiance, error + U * (uniform + radiance))
 }
 
-/// Where the sample is now, where it was, and how far away it is.
-fn locate(stage: &Stage<'_>, sample: &Sample) -> (Projection, Projection, f64) {
+/// Where the sample is, at its time, at the end of the frame and in the last one, and how far away it is.
+fn locate(stage: &Stage<'_>, sample: &Sample) -> ([Projection; 3], f64) {
     let frame = stage.frame;
     let id = sample.instance & INSTANCE_MASK;
     let position = sample.position;
@@ -78,13 +81,14 @@ fn locate(stage: &Stage<'_>, sample: &Sample) -> (Projection, Projection, f64) {
     };
     if !surface {
         let at = position.map(Bounded::exact);
-        return (project(frame, at), project(&before, at), f64::INFINITY);
+        return ([project(&stage.seen(), at), project(frame, at), project(&before, at)], f64::INFINITY);
     }
     let instance = stage.instance(id);
     let now = transform_bounded(&instance.to_relative, position);
+    let end = transform_bounded(&stage.world.instances[id as usize].to_relative, position);
     let then = transform_bounded(&instance.previous, position);
     let depth = transform_point(&instance.to_relative, position.into()).as_dvec3().length();
-    (project(frame, now), project(&before, then), depth)
+    ([project(&stage.seen(), now), project(frame, end), project(&before, then)], depth)
 }
 
 /// Bounds on the directions that shading starts from, in radians.
@@ -102,6 +106,7 @@ fn surface_radiance(
     found: &Found,
     lit: u32,
 ) -> (DVec3, DVec3) {
+    let lights: Vec<Light> = lights.iter().map(|light| light_at_time(light, stage.world.time)).collect();
     let material = stage.material(found.primitive);
     let instance = stage.instance(found.instance);
     let point = stage.surface(found.instance, found.primitive, found.u, found.v);
@@ -110,7 +115,7 @@ fn surface_radiance(
     let back = stage.eye().as_dvec3() - position;
     let view = if back.length() > 0.0 { back.normalize() } else { geometric };
     let spot = stage.spot(found.primitive, found.u, found.v);
-    let surface = surface_at(material, instance, &spot, geometric, view, stage.textures);
+    let surface = surface_at(material, &instance, &spot, geometric, view, stage.textures);
     let at = spot.attributes();
     let map = (material.normal_texture.texel_size != 0)
         .then(|| stage.textures.sample(&material.normal_texture, at.uv0, at.uv1, false).truncate() * 2.0 - 1.0);
@@ -121,7 +126,7 @@ fn surface_radiance(
         side_is_sure: geometric.dot(view).abs() > flip + 16.0 * U,
     };
     let (mut radiance, mut error) =
-        reflected(&surface, &bounds, view, (environment, lights, lit), point.position, stage.frame);
+        reflected(&surface, &bounds, view, (environment, &lights, lit), point.position, stage.frame);
     if surface.unlit {
         return (radiance, error);
     }
