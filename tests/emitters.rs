@@ -13,7 +13,7 @@ use stillray::settings::{Hold, Modelling};
 
 const FLOOR: f32 = 0.6;
 const SIZE: [u32; 2] = [12, 12];
-const FRAMES: u32 = 32;
+const FRAMES: u32 = 128;
 
 fn floor() -> Build {
     let face_up = DQuat::from_rotation_x(-FRAC_PI_2);
@@ -229,11 +229,13 @@ fn what_rays_find_is_not_counted_twice() {
     // A mirror has no diffuse part: the same to the bit.
     assert_eq!(mean(room(1.0, 0.0), 1.0, true), mean(room(1.0, 0.0), 1.0, false));
     assert!(mean(room(1.0, 0.0), 1.0, false)[0] > 0.5, "the lamp is seen in it");
-    // Of a rough floor both ways to the lamp's light are the same in the mean. That of single scattering, and rays under the floor.
-    for metallic in [0.0, 1.0] {
-        let [[lobe, a], [light, b]] = [mean(room(metallic, 0.4), 1.0, true), mean(room(metallic, 0.4), 0.0, true)];
+    // Of a rough floor both ways to the lamp's light are the same in the mean, but for what is scattered more than once between
+    // facets, which only rays bring: below a hundredth at this roughness, even of metal.
+    for (metallic, roughness) in [(0.0, 0.4), (1.0, 0.2)] {
+        let room = || room(metallic, roughness);
+        let [[lobe, a], [light, b]] = [mean(room(), 1.0, true), mean(room(), 0.0, true)];
         println!("by rays {lobe:.5} +- {a:.5}, by points of the lamp {light:.5} +- {b:.5}");
-        let close = |x: f64| (x - light).abs() < 5.0 * a.hypot(b) + 2e-3 * light;
+        let close = |x: f64| (x - light).abs() < 5.0 * a.hypot(b) + 0.01 * light;
         assert!(close(lobe) && !close(1.05 * lobe), "{lobe} {light}");
     }
     // Negative control: a lamp that is counted twice is half as bright again at least.

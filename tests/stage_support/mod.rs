@@ -61,7 +61,7 @@ pub struct Theatre {
     pub afar_at: [u32; 2],
     /// Where all samples lie on what shines: on a triangle, and which one.
     pub shining_at: ([f32; 2], u32),
-    transforms: Vec<DAffine3>,
+    pub transforms: Vec<DAffine3>,
 }
 
 /// How all samples of a list are drawn: alike, so that the twin knows one lens point and one point of each light.
