@@ -3,7 +3,7 @@
 // Adds the radiance of what the secondary rays of a step have found, and sends their paths on. Fog and mist take from the light
 // that surfaces get, but are not marched along these rays.
 //
-// models: MEDIUM MOTION
+// models: MEDIUM MOTION EMITTER
 #define PATH
 #define AREA
 #define ENVIRONMENT

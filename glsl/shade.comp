@@ -4,7 +4,7 @@
 //
 // Where paths go on, it also says where: the first of their rays.
 //
-// models: LENS AREA DEFORM ENVIRONMENT PATH MEDIUM MOTION
+// models: LENS AREA DEFORM ENVIRONMENT PATH MEDIUM MOTION EMITTER
 #include "types.glsl"
 
 layout(local_size_x = 64) in;

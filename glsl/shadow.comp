@@ -7,7 +7,7 @@
 // The `bounce` variant asks the same of what the secondary rays of a step have found.
 //
 // variant bounce: BOUNCE PATH LENS AREA ENVIRONMENT
-// models: ALPHA LENS AREA ENVIRONMENT MOTION
+// models: ALPHA LENS AREA ENVIRONMENT MOTION EMITTER
 #define TRAVERSE_ANY
 #include "types.glsl"
 
@@ -60,6 +60,9 @@ layout(push_constant) uniform Push { uint step; } push;
 #if defined(AREA) || defined(MOTION)
 #include "light.glsl"
 #endif
+#ifdef EMITTER
+#include "emitter.glsl"
+#endif
 #include "traverse.glsl"
 
 shared uint tally;
@@ -111,6 +114,7 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
             bit = ENVIRONMENT_LIGHT;
             light.kind = LIGHT_DIRECTIONAL;
             light.direction = -sky;
+            light.shape = LIGHT_SHARP;
         } else
 #endif
         {
@@ -125,12 +129,23 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
 #ifdef AREA
             light = light_point(light, at);
 #endif
+#ifdef EMITTER
+            if (light.shape == LIGHT_MESH) {
+                light = draw_emitter(light, at, seed_bits(seed, PAIR_CHOICE).y, point.position).light;
+            }
+#endif
         }
         bool directional = light.kind == LIGHT_DIRECTIONAL;
         vec3 towards = directional ? -light.direction : light.position - point.position;
         if (!chosen || !(dot(point.normal, towards) * viewer_side > 0.0)) {
             continue;
         }
+#ifdef EMITTER
+        // Half of what shines looks away.
+        if (light.shape == LIGHT_MESH && !(dot(light.direction, towards) < 0.0)) {
+            continue;
+        }
+#endif
         if (untraced) {
             bits |= 1u << bit;
             continue;

@@ -375,7 +375,7 @@ impl Renderer {
             reset: last.is_none(),
             // The first still frame repairs what the last movement left; from the second on the pattern stays.
             settled: still >= 2,
-            lights: self.scene.lights.len() as u32,
+            lights: self.scene.light_count(self.settings.emitters) as u32,
             instances: self.scene.geometry.instance_meshes.len() as u32,
         };
         self.write_instances(inputs, &moment, before.as_ref().map(|(_, pose)| pose));
@@ -424,11 +424,14 @@ impl Renderer {
         let before = self.last.as_ref().and_then(|last| last.before.as_ref());
         let before = before.map_or(&inputs.pose.lights, |(_, pose)| &pose.lights);
         let placed = self.scene.lights.iter().zip(inputs.pose.lights.iter().zip(before));
-        let lights: Vec<shaders::Light> = placed
+        let mut lights: Vec<shaders::Light> = placed
             .map(|(light, (now, then))| {
                 constants::light(light, now, inputs.view.position, then.position - moment.previous.position)
             })
             .collect();
+        // Where it is, and how bright, a draw says.
+        let shines = shaders::Light { shape: shaders::LIGHT_MESH, ..Default::default() };
+        lights.resize(moment.lights as usize, shines);
         self.frames.ring.write_frame(slot, &frame);
         self.frames.ring.write_lights(slot, &lights);
         let medium = self.scene.medium.map(|m| m.record(inputs.view.position, inputs.pose.drift, self.scene.ambient));
@@ -442,10 +445,11 @@ impl Frames {
         let model = Model::of(&scene.requirements, settings);
         let storage = Storage::new(settings, model.bits());
         let deforming = model.has(shaders::MODEL_DEFORM).then(|| deforming::previous_triangles(scene));
-        let (instances, lights) = (scene.instance_count(), scene.light_count());
+        scene.check_emitters(settings.emitters)?;
+        let (instances, lights) = (scene.instance_count(), scene.light_count(settings.emitters));
         let buffers = FrameBuffers::new(context, settings, &storage, instances, lights, deforming)?;
         let shapes = deforming::targets(scene, &scene.resources(), buffers.resources(0).previous_corners);
-        let ring = Ring::new(context, scene, &shapes)?;
+        let ring = Ring::new(context, scene, lights, &shapes)?;
         // Two plans of less than 28 passes each, and four for each step of paths.
         let kit = Kit::new(context, 2 * (28 + 4 * shaders::PATH_STEPS), model.bits())?;
         let plan_of = |slot: usize| -> Result<Plan> {

@@ -16,7 +16,7 @@ use stillray::oracle::traverse::{Intersection, Query, any_with_alpha};
 use stillray::oracle::verify::verify;
 use stillray::shaders::{
     self, Counters, ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, HIT_SKY, INFINITY_BITS, Light, MODEL_ALPHA,
-    MODEL_AREA, MODEL_ENVIRONMENT, MODEL_LENS, MODEL_MOTION, OCCLUDED_BIT,
+    MODEL_AREA, MODEL_EMITTER, MODEL_ENVIRONMENT, MODEL_LENS, MODEL_MOTION, OCCLUDED_BIT,
 };
 use stillray::shaders::{SKY_INSTANCE, Sample};
 use support::kernel::{Kernel, blank, data, values};
@@ -67,6 +67,14 @@ impl Device {
             afar: true,
             moving: false,
         }
+    }
+
+    /// Of what models what shines as lights.
+    fn shining(draw: Draw) -> Self {
+        let context = support::validated_context();
+        let shader = shaders::shadow::modelling(shaders::with_brought(MODEL_ALPHA | MODEL_EMITTER));
+        let kernel = Kernel::new(&context, shader);
+        Self { kernel, context, alpha: true, draw: Some(draw), afar: true, moving: false }
     }
 
     /// Of what models an open shutter.
@@ -232,6 +240,35 @@ fn points_of_lights_are_seen_as_the_twin_sees_them() {
     }
     println!("{differing} bits of 16000 samples differ");
     assert!(differing * 1000 <= 16_000, "{differing}");
+}
+
+#[test]
+fn what_shines_is_seen_as_the_twin_sees_it() {
+    let mut differing = 0;
+    let mut reached = 0;
+    for seed in 0..6 {
+        let random = &mut Random::new(280 + seed);
+        let device = Device::shining(Draw::random(random));
+        let draw = device.draw.as_ref().unwrap();
+        let plain = || Theatre::wide(SIZE, &mut Random::new(290 + seed));
+        let seen = plain().shining().drawn(draw);
+        let list = random_list(&seen, seed, 4000);
+        let got = device.run(&plain().shining(), &list);
+        differing += compare(&seen, true, &list, &twins(&seen, &list, true), &got).unwrap();
+        reached += got.0.iter().filter(|bits| *bits >> plain().lights.len() & 1 != 0).count();
+        // Negative controls: another triangle or another point of it, and nothing that shines.
+        let (at, which) = seen.shining_at;
+        for other in [(at.map(|x| 1.0 - x), which), (at, which ^ 1 << 31)] {
+            let wrong = Theatre { shining_at: other, ..plain().shining().drawn(draw) };
+            assert!(compare(&wrong, true, &list, &twins(&wrong, &list, true), &got).is_err());
+        }
+        let dark = plain().drawn(draw);
+        assert!(compare(&dark, true, &list, &twins(&dark, &list, true), &device.run(&plain(), &list)).is_ok());
+        assert!(compare(&dark, true, &list, &twins(&dark, &list, true), &got).is_err());
+        support::assert_clean(&device.context);
+    }
+    println!("{differing} bits of 24000 samples differ; what shines reaches {reached}");
+    assert!(differing * 1000 <= 24_000 && reached > 1000, "{differing} {reached}");
 }
 
 #[test]

@@ -31,7 +31,7 @@ Light light_at_time(Light light, float time) {
 // One point of a light that has an extent, as a light: the mean over all points is the light (paper 2, section 3.2). A lamp's
 // surface looks along its direction; the sun's is a disc or a rectangle in the sky.
 Light light_point(Light light, vec2 u) {
-    if (light.shape == LIGHT_SHARP) {
+    if (light.shape == LIGHT_SHARP || light.shape == LIGHT_MESH) {
         return light;
     }
     vec2 p = light.shape == LIGHT_DISC ? disc_point(u) : 2.0 * u - 1.0;

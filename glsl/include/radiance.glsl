@@ -7,6 +7,9 @@
 
 #include "brdf.glsl"
 #include "choice.glsl"
+#ifdef EMITTER
+#include "emitter.glsl"
+#endif
 #ifdef ENVIRONMENT
 #include "environment.glsl"
 #endif
@@ -115,6 +118,17 @@ vec3 beyond_radiance(vec3 direction) {
 }
 #endif
 
+#ifdef EMITTER
+// The sample's point of what shines. A ray that the lobe is followed by finds what shines by itself.
+Light emitter_light(Light light, uint seed, vec2 at, vec3 receiver) {
+    Emitter e = draw_emitter(light, at, seed_bits(seed, PAIR_CHOICE).y, receiver);
+    Triangle t = triangles.data[e.primitive];
+    Attributes there = attributes_at(vertices.data[t.vertex0], vertices.data[t.vertex1], vertices.data[t.vertex2], e.weights.x, e.weights.y);
+    e.light.intensity = min(emission_at(materials.data[t.material], there) * e.light.intensity, vec3(INTENSITY_MAX));
+    return e.light;
+}
+#endif
+
 // Towards the viewer; `lit_bits` are the lights that reach it, `rays` says that its lobe is followed by a ray.
 vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays) {
     Surface s = seen.surface;
@@ -136,11 +150,19 @@ vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays) {
 #ifdef AREA
             light = light_point(light, at);
 #endif
+#ifdef EMITTER
+            bool shines = light.shape == LIGHT_MESH;
+            if (shines) {
+                light = emitter_light(light, seed, at, seen.point.position);
+            }
+#else
+            const bool shines = false;
+#endif
             Incident incident = light_at(light, seen.point.position);
 #ifdef MEDIUM
             incident.irradiance *= left_of_light(seen.point.position, incident.direction, incident.distance);
 #endif
-            vec3 part = both(from_light(seen, incident.direction));
+            vec3 part = but_for_rays(from_light(seen, incident.direction), rays && shines);
             radiance += part * (incident.irradiance * weight);
         }
     }

@@ -21,7 +21,7 @@ const uint PAIR_TIME = 2u;
 const uint PAIR_LIGHT = 3u;
 const uint PAIR_ENVIRONMENT = 5u;
 const uint PAIR_LOBE = 4u;
-const uint PAIR_CHOICE = 6u;
+const uint PAIR_CHOICE = 6u;  // which lobe, and which triangle that shines
 
 // A pair of coordinates, 2^32 to one.
 uvec2 seed_bits(uint seed, uint pair) {

@@ -18,6 +18,8 @@ const uint MODEL_ENVIRONMENT = 64u;  // light comes from all around as a map say
 const uint MODEL_DEFORM = 128u;  // some mesh deforms
 const uint MODEL_MOTION = 256u;  // the camera's shutter is open for a while
 // MODEL_MOTION brings LENS DEFORM SEED
+const uint MODEL_EMITTER = 8192u;  // triangles that shine are sampled as lights
+// MODEL_EMITTER brings LENS AREA ENVIRONMENT DEFORM SEED
 const uint MODEL_PATH = 1024u;  // paths go on behind what the camera sees: reflections, refraction
 // MODEL_PATH brings SEED AREA ENVIRONMENT
 const uint MODEL_MEDIUM = 512u;  // there is fog or mist
@@ -159,7 +161,7 @@ struct Light {
     vec3 right;         // half its extent across: metres; of a directional light the tangent of its angular radius
     float spot_offset;  // -cos outer * spot_scale
     vec3 up;            // the same along its other axis
-    uint shape;         // LIGHT_SHARP, LIGHT_RECTANGLE or LIGHT_DISC
+    uint shape;         // LIGHT_SHARP, LIGHT_RECTANGLE, LIGHT_DISC or LIGHT_MESH
     vec3 moved;         // metres that the position moved relative to the camera since the last frame
     uint padding0;
 };
@@ -167,17 +169,24 @@ struct Light {
 const uint LIGHT_SHARP = 0u;  // no extent
 const uint LIGHT_RECTANGLE = 1u;
 const uint LIGHT_DISC = 2u;
+const uint LIGHT_MESH = 3u;  // all triangles that shine: emitter.glsl
 
 const uint LIGHT_POINT = 0u;
 const uint LIGHT_SPOT = 1u;
 const uint LIGHT_DIRECTIONAL = 2u;
 
-// The map of light from all around, in words: a header of four (width, height, turn as the bits of a float, first word of the
-// blurred map; a width of 0: there is none), four for each row and for the end (sin^2 and cos^2 of half the angle from the zenith
+// The map of light from all around, in words: a header of six (width, height, turn as the bits of a float, first word of the
+// blurred map; a width of 0: there is none; first word and number of the triangles that shine), four for each row and for the end (sin^2 and cos^2 of half the angle from the zenith
 // to its upper edge, solid angle of each of its texels in steradians, as the bits of floats; chance of the rows above,
 // ENVIRONMENT_ONE to one), for each row a word a texel and for the end (chance of the texels to its left), and three floats a
-// texel; then the same map, small and blurred, three floats a texel.
-const uint ENVIRONMENT_HEADER = 4u;
+// texel; then the same map, small and blurred, three floats a texel. Whether there is a map or not, triangles that shine follow, five
+// words each: instance and EMITTER_TWO_SIDED, triangle slot, chance that a draw stays with it (2^32 to one), the row that it goes to
+// otherwise, and one over the chance with which it is drawn, as the bits of a float.
+const uint ENVIRONMENT_HEADER = 6u;
+const uint EMITTER_TABLE = 4u;  // where the header tells of them
+const uint EMITTER_COUNT = 5u;
+const uint EMITTER_WORDS = 5u;
+const uint EMITTER_TWO_SIDED = 0x80000000u;
 const uint ENVIRONMENT_ROW = 4u;
 const uint ENVIRONMENT_BLURRED_WIDTH = 32u;
 const uint ENVIRONMENT_BLURRED_HEIGHT = 16u;

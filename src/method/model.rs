@@ -43,6 +43,7 @@ impl Model {
         let lens = feature(Feature::Lens).or_else(all);
         let area = feature(Feature::AreaLights).or_else(all);
         let environment = feature(Feature::EnvironmentMap).or_else(all);
+        let emitter = feature(Feature::EmissiveSurfaces).filter(|_| settings.emitters).or_else(all);
         let deform = feature(Feature::SkinnedMeshes).or_else(|| feature(Feature::MorphedMeshes)).or_else(all);
         let medium = feature(Feature::Medium).or_else(all);
         let motion = feature(Feature::MotionBlur).or_else(all);
@@ -58,6 +59,7 @@ impl Model {
                 "a direction and a shadow ray a sample",
                 environment,
             ),
+            part(shaders::MODEL_EMITTER, "what shines as lights", "a point on it and a shadow ray a sample", emitter),
             part(
                 shaders::MODEL_DEFORM,
                 "meshes that deform",

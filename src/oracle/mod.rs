@@ -5,6 +5,7 @@ pub mod append;
 pub mod bounded;
 pub mod camera;
 pub mod changes;
+pub mod emitter;
 pub mod environment;
 pub mod gather;
 pub mod generate;

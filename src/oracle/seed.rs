@@ -22,7 +22,7 @@ pub fn new_seed([x, y]: [u32; 2], number: u32) -> u32 {
 
 /// See [`PAIR_LENS`].
 pub const PAIR_LOBE: u32 = 4;
-/// See [`PAIR_LENS`].
+/// See [`PAIR_LENS`]: which lobe, and which triangle that shines.
 pub const PAIR_CHOICE: u32 = 6;
 
 /// The seed by which a later step of a sample's path is drawn.

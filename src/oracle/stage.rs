@@ -5,6 +5,7 @@ use std::cell::Cell;
 
 use glam::{DVec3, Vec3};
 
+use super::emitter::Shining;
 use super::environment::Afar;
 use super::motion::{Placement, frame_at, placement_at};
 use super::shade::alpha::{alpha_passes, alpha_threshold};
@@ -36,6 +37,8 @@ pub struct Stage<'a> {
     pub lens: [f32; 2],
     /// Light from all around, and where the sample lies in it; none where that is not modelled.
     pub afar: Option<Afar<'a>>,
+    /// What shines, and where the sample lies on it; none where that is not modelled.
+    pub shining: Option<Shining<'a>>,
 }
 
 impl<'a> Stage<'a> {

@@ -9,13 +9,17 @@ use super::support::kernel::{Bound, data};
 use super::support::random::Random;
 use glam::{Affine2, DAffine3, DMat3, DQuat, DVec3, Vec2, Vec3, Vec4};
 use stillray::accel::{BvhBuildParams, Geometry, Tlas, mark_moving, place};
+use stillray::emitters;
 use stillray::gpu::image::Sampler;
 use stillray::gpu::{Context, Image, ImageDesc};
 use stillray::method::constants;
+use stillray::oracle::emitter::Shining;
 use stillray::oracle::environment::Afar;
 use stillray::oracle::lens::lens_point;
 use stillray::oracle::motion::{frame_time, light_at_time};
-use stillray::oracle::seed::{PAIR_ENVIRONMENT, PAIR_LENS, PAIR_LIGHT, PAIR_TIME, new_seed, seed_bits, seed_pair};
+use stillray::oracle::seed::{
+    PAIR_CHOICE, PAIR_ENVIRONMENT, PAIR_LENS, PAIR_LIGHT, PAIR_TIME, new_seed, seed_bits, seed_pair,
+};
 use stillray::oracle::shade::light::light_point;
 use stillray::oracle::shade::texture::Textures;
 use stillray::oracle::stage::Stage;
@@ -27,7 +31,7 @@ use stillray::scene::{
     self, AlphaMode, EnvironmentMap, Light, LightKind, LightPose, LightShape, Mesh, Scene, TextureRef,
 };
 use stillray::shaders::{
-    self, FRAME_NEAREST, FRAME_TURNS, Frame, LIGHT_DISC, LIGHT_RECTANGLE, LIGHT_SHARP, NEW_INSTANCE, Sample,
+    self, FRAME_NEAREST, FRAME_TURNS, Frame, LIGHT_DISC, LIGHT_MESH, LIGHT_RECTANGLE, LIGHT_SHARP, NEW_INSTANCE, Sample,
 };
 
 /// Materials of the scene, by index.
@@ -55,6 +59,9 @@ pub struct Theatre {
     /// The table of the map of light from all around, and where all samples lie in it.
     pub environment: Vec<u32>,
     pub afar_at: [u32; 2],
+    /// Where all samples lie on what shines: on a triangle, and which one.
+    pub shining_at: ([f32; 2], u32),
+    pub transforms: Vec<DAffine3>,
 }
 
 /// How all samples of a list are drawn: alike, so that the twin knows one lens point and one point of each light.
@@ -253,6 +260,8 @@ impl Theatre {
             time: 1.0,
             environment,
             afar_at: [0; 2],
+            shining_at: ([0.0; 2], 0),
+            transforms,
         }
     }
 
@@ -267,6 +276,14 @@ impl Theatre {
         let turn = f64::from(random.between(-7.0, 7.0));
         let map = EnvironmentMap { name: "noise".to_owned(), width, height, texels, scale: 0.5, turn };
         self.environment = EnvironmentMap::table(Some(&map));
+        self
+    }
+
+    /// What shines is one of the lights.
+    pub fn shining(mut self) -> Self {
+        emitters::append(&mut self.environment, &self.scene, &self.geometry, &self.transforms);
+        self.lights.push(shaders::Light { shape: LIGHT_MESH, ..shaders::Light::default() });
+        self.frame.light_count += 1;
         self
     }
 
@@ -303,7 +320,9 @@ impl Theatre {
         let [lens, at] = [pair(PAIR_LENS), pair(PAIR_LIGHT)];
         self.lens = lens_point(self.frame.lens, lens);
         self.time = frame_time(self.frame.shutter, pair(PAIR_TIME)[0]);
-        self.afar_at = seed_bits(&draw.sampler, self.frame.variation, draw.seed, PAIR_ENVIRONMENT);
+        let bits = |pair| seed_bits(&draw.sampler, self.frame.variation, draw.seed, pair);
+        self.afar_at = bits(PAIR_ENVIRONMENT);
+        self.shining_at = (at, bits(PAIR_CHOICE)[1]);
         let still = |light: shaders::Light| shaders::Light { moved: [0.0; 3], ..light };
         let time = self.time;
         self.lights.iter_mut().for_each(|light| *light = still(light_point(&light_at_time(light, time), at)));
@@ -331,6 +350,7 @@ impl Theatre {
             alpha,
             lens: self.lens,
             afar: Some(Afar { table: &self.environment, at: self.afar_at }),
+            shining: Some(Shining { table: &self.environment, at: self.shining_at.0, draw: self.shining_at.1 }),
         }
     }
 

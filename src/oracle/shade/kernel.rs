@@ -7,9 +7,10 @@ use glam::{DVec3, Vec3, Vec4};
 
 use super::brdf::{COSINE_MIN, Reflector};
 use super::light::{IRRADIANCE_MAX, light_at};
-use super::material::{Surface, surface_at};
+use super::material::{Surface, emission_at, surface_at};
 use crate::oracle::bounded::Bounded;
 use crate::oracle::camera::{Projection, project_within, transform_bounded};
+use crate::oracle::emitter::{INTENSITY, Shining, draw_emitter};
 use crate::oracle::environment::{Afar, DIRECTION, IRRADIANCE};
 use crate::oracle::lens::lens_shift_bounded;
 use crate::oracle::motion::light_at_time;
@@ -17,8 +18,8 @@ use crate::oracle::shadow::light_weight;
 use crate::oracle::stage::{Stage, U, normal_error};
 use crate::oracle::traverse::transform_point;
 use crate::shaders::{
-    ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, OCCLUDED_BIT,
-    SKY_INSTANCE, Sample,
+    ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_MESH, LIGHT_SHARP, LIGHT_SPOT,
+    Light, OCCLUDED_BIT, SKY_INSTANCE, Sample,
 };
 
 /// Where samples are followed to, in distances from the middle of the frame to its border.
@@ -130,6 +131,12 @@ fn surface_radiance(
     if surface.unlit {
         return (radiance, error);
     }
+    let shines = |i: &u32| lights[*i as usize].shape == LIGHT_MESH && lit >> i & 1 != 0;
+    if let (Some(shining), Some(_)) = (&stage.shining, (0..stage.frame.light_count).find(shines)) {
+        let (part, part_error) = reflected_from_emitter(stage, &surface, &bounds, view, (shining, point.position));
+        radiance += part;
+        error += part_error + 4.0 * U * radiance;
+    }
     if lit >> ENVIRONMENT_LIGHT & 1 != 0 {
         let (part, part_error) = reflected_from_afar(&surface, &bounds, view, stage.afar);
         radiance += part;
@@ -176,7 +183,8 @@ fn reflected(
     let mut error = 4.0 * COLOR * surface.emissive.max(DVec3::ONE) + environment * (uniform_error + COLOR);
     let mut unsure = false;
     let weight = light_weight(frame);
-    for light in (0..frame.light_count).filter(|i| lit >> i & 1 != 0).map(|i| &lights[i as usize]) {
+    let lit = (0..frame.light_count).filter(|i| lit >> i & 1 != 0).map(|i| &lights[i as usize]);
+    for light in lit.filter(|light| light.shape != LIGHT_MESH) {
         let mut incident = light_at(light, position.to_array());
         incident.irradiance *= weight;
         let part = reflector.reflect_light(surface.normal, view, incident.direction);
@@ -212,6 +220,39 @@ fn reflected_from_afar(surface: &Surface, bounds: &Directions, view: DVec3, afar
             (part * irradiance, (part * (relative + IRRADIANCE) + absolute) * irradiance * (1.0 + IRRADIANCE))
         }
         None if irradiance == DVec3::ZERO => (DVec3::ZERO, DVec3::ZERO),
+        None => (part * irradiance, DVec3::INFINITY),
+    }
+}
+
+/// What the sample's point of what shines adds.
+fn reflected_from_emitter(
+    stage: &Stage<'_>,
+    surface: &Surface,
+    bounds: &Directions,
+    view: DVec3,
+    (shining, position): (&Shining<'_>, Vec3),
+) -> (DVec3, DVec3) {
+    let emitter = draw_emitter(stage, shining, &Light { shape: LIGHT_MESH, ..Light::default() }, position);
+    let material = stage.material(emitter.primitive);
+    let [u, v] = emitter.weights;
+    let emission = emission_at(material, &stage.spot(emitter.primitive, u, v).attributes(), stage.textures);
+    let incident = light_at(&emitter.light, position.to_array());
+    let weight = light_weight(stage.frame);
+    let irradiance = incident.irradiance * emission * weight;
+    let part = surface.reflector.reflect_light(surface.normal, view, incident.direction);
+    // The cosine at the lamp and the emission are off by as much whatever they are: bounds are of those without them.
+    let bare = light_at(&Light { shape: LIGHT_SHARP, ..emitter.light }, position.to_array()).irradiance * weight;
+    let most = Vec3::from(material.emissive).as_dvec3();
+    let id = shining.row()[0] & INSTANCE_MASK;
+    let lamp = normal_error(stage, id, emitter.primitive) + (41.0 + 64.0 + 64.0) * U;
+    let irradiance_error = bare * emission * (lamp + INTENSITY) + bare * most * 4.0 * COLOR;
+    let albedo = albedo_error(bounds);
+    match reflection_error(&surface.reflector, bounds, (surface.normal, view, incident.direction), albedo) {
+        Some((relative, absolute)) => {
+            let error = (part * relative + absolute) * (irradiance + irradiance_error) + part * irradiance_error;
+            (part * irradiance, error)
+        }
+        None if irradiance + irradiance_error == DVec3::ZERO => (DVec3::ZERO, DVec3::ZERO),
         None => (part * irradiance, DVec3::INFINITY),
     }
 }
