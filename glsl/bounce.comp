@@ -3,7 +3,7 @@
 // What the secondary rays of a step find (paper 2, sections 3.3 and 3.5), one thread a ray: those that are reflected first, then those
 // that are refracted. It takes the place of what the camera ray has found, which is shaded by then.
 //
-// models: ALPHA COUNT
+// models: ALPHA MOTION COUNT
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -30,12 +30,19 @@ layout(set = 0, binding = 14, std430) readonly buffer Srgb { float data[256]; } 
 #ifdef COUNT
 layout(set = 0, binding = 30, std430) buffer TraversalsBlock { Traversals data; } traversals;
 #endif
+#ifdef MOTION
+layout(set = 0, binding = 15, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 #include "camera.glsl"
 #include "path_list.glsl"
+#include "placement.glsl"
 #include "traverse.glsl"
 
 void follow(uint slot) {
     vec3 origin = uintBitsToFloat(path_origins.data[slot].xyz);
+#ifdef MOTION
+    frame_time = uintBitsToFloat(path_origins.data[slot].w);
+#endif
     vec3 direction = uintBitsToFloat(path_directions.data[slot].xyz);
     Intersection hit = traverse(origin, direction, uintBitsToFloat(INFINITY_BITS));
     bool sky = hit.primitive == HIT_SKY;

@@ -3,7 +3,7 @@
 // Adds the radiance of what the secondary rays of a step have found, and sends their paths on. Fog and mist take from the light
 // that surfaces get, but are not marched along these rays.
 //
-// models: MEDIUM
+// models: MEDIUM MOTION EMITTER
 #define PATH
 #define AREA
 #define ENVIRONMENT
@@ -34,6 +34,9 @@ layout(set = 0, binding = 20, std430) buffer PathCountersBlock { PathCounters da
 #ifdef MEDIUM
 layout(set = 0, binding = 21, std430) readonly buffer MediumBlock { Medium data; } medium;
 #endif
+#ifdef MOTION
+layout(set = 0, binding = 22, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 layout(push_constant) uniform Push { uint step; } push;
 
 #define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
@@ -44,6 +47,9 @@ layout(push_constant) uniform Push { uint step; } push;
 // What a ray brings, and where its path goes on.
 uint follow(uint slot, out vec3 radiance) {
     Found f = found.data[slot];
+#ifdef MOTION
+    frame_time = uintBitsToFloat(path_origins.data[slot].w);
+#endif
     uvec4 state = path_weights.data[slot];
     vec3 throughput = uintBitsToFloat(state.xyz);
     if (f.instance == SKY_INSTANCE) {

@@ -4,7 +4,7 @@
 // sample's ray ends a little behind the sample: it finds the sample's own surface, or what hides it. Of a list to which a
 // fill was added behind, only that part is traced.
 //
-// models: ALPHA LENS DEFORM COUNT
+// models: ALPHA LENS DEFORM MOTION COUNT
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -31,6 +31,9 @@ layout(set = 0, binding = 14, std430) readonly buffer SamplerTable { uint data[]
 #ifdef COUNT
 layout(set = 0, binding = 30, std430) buffer TraversalsBlock { Traversals data; } traversals;
 #endif
+#ifdef MOTION
+layout(set = 0, binding = 15, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 #include "place.glsl"
 #ifdef ALPHA
 #include "alpha_hit.glsl"
@@ -48,9 +51,12 @@ bool is_one_sided(uint primitive) {
 const float REACH = 1.0 + 1.0 / 64.0;
 
 SurfacePoint surface_of(Intersection hit) {
-    Instance inst = instances.data[hit.instance];
     Corners c = load_corners(hit.primitive);
-    return surface_point(inst.to_relative, inst.to_object, c.v0, c.v1, c.v2, hit.u, hit.v);
+#ifdef MOTION
+    Instance inst = instances.data[hit.instance];
+    shape_at(inst.flags, hit.primitive - inst.triangle_base, frame_time, c.v0, c.v1, c.v2);
+#endif
+    return surface_point(placement_at(hit.instance, frame_time), c.v0, c.v1, c.v2, hit.u, hit.v);
 }
 
 // Whether the surface that was hit is the one that the sample lies on: whether the sample is on the hit triangle's plane,
@@ -114,6 +120,9 @@ CameraRay camera_ray(uint slot, Sample s, vec3 target, bool added, bool surface)
 
 void verify(uint slot) {
     Sample s = samples.data[slot];
+#ifdef MOTION
+    frame_time = frame_time_of(seeds.data[slot]);
+#endif
     uint id = s.instance & INSTANCE_MASK;
     bool added = id == NEW_INSTANCE;
     bool surface = is_surface(s);

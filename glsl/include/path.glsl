@@ -1,5 +1,5 @@
 // How paths go on from one surface to the next (paper 2, sections 3.3 and 3.5). Needs what radiance.glsl needs, and the bindings
-//   buffer .. { uvec4 data[]; } path_origins;     one a sample: origin of its ray, camera-relative; unused
+//   buffer .. { uvec4 data[]; } path_origins;     one a sample: origin of its ray, camera-relative; when it is
 //   buffer .. { uvec4 data[]; } path_directions;  its unit direction; RAY_REFLECTED or RAY_REFRACTED
 //   buffer .. { uvec4 data[]; } path_weights;     what its radiance counts for; what it is inside of
 //   buffer .. { uint data[]; } path_list;         two in turn, `capacity` samples each: see PathCounters
@@ -67,7 +67,7 @@ uint follow_path(Seen seen, uint slot, uint seed, uint step, vec3 throughput, ui
         return PATH_ENDS;
     }
     uint within = next.through && solid ? beyond : inside;
-    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, next.direction)), 0u);
+    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, next.direction)), floatBitsToUint(frame_time));
     path_directions.data[slot] = uvec4(floatBitsToUint(next.direction), next.through ? RAY_REFRACTED : RAY_REFLECTED);
     path_weights.data[slot] = uvec4(floatBitsToUint(weight), within);
     return next.through ? PATH_REFRACTED : PATH_REFLECTED;

@@ -17,10 +17,11 @@ uint new_seed(uvec2 pixel, uint number) {
 
 // Pairs of dimensions of a path; 0 is the place in the pixel.
 const uint PAIR_LENS = 1u;
+const uint PAIR_TIME = 2u;
 const uint PAIR_LIGHT = 3u;
 const uint PAIR_ENVIRONMENT = 5u;
 const uint PAIR_LOBE = 4u;
-const uint PAIR_CHOICE = 6u;
+const uint PAIR_CHOICE = 6u;  // which lobe, and which triangle that shines
 
 // A pair of coordinates, 2^32 to one.
 uvec2 seed_bits(uint seed, uint pair) {

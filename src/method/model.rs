@@ -43,9 +43,11 @@ impl Model {
         let lens = feature(Feature::Lens).or_else(all);
         let area = feature(Feature::AreaLights).or_else(all);
         let environment = feature(Feature::EnvironmentMap).or_else(all);
+        let emitter = feature(Feature::EmissiveSurfaces).filter(|_| settings.emitters).or_else(all);
         let deform = feature(Feature::SkinnedMeshes).or_else(|| feature(Feature::MorphedMeshes)).or_else(all);
         let medium = feature(Feature::Medium).or_else(all);
         let counts = settings.count.then(|| "rays are counted".to_owned());
+        let motion = feature(Feature::MotionBlur).or_else(all);
         let seed = lens.clone().or_else(|| area.clone()).or_else(|| environment.clone());
         let part = |bit, name, price, cause| Part { bit, name, price, cause };
         let mut parts = vec![
@@ -58,11 +60,18 @@ impl Model {
                 "a direction and a shadow ray a sample",
                 environment,
             ),
+            part(shaders::MODEL_EMITTER, "what shines as lights", "a point on it and a shadow ray a sample", emitter),
             part(
                 shaders::MODEL_DEFORM,
                 "meshes that deform",
                 "their upload in each frame, twice their corners",
                 deform,
+            ),
+            part(
+                shaders::MODEL_MOTION,
+                "an open shutter",
+                "a time a sample, an inverse where rays enter what moves",
+                motion,
             ),
             part(
                 shaders::MODEL_PATH,

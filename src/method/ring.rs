@@ -16,6 +16,7 @@ pub struct Ring {
     down: Vec<Buffer>,
     instances: u64,
     lights: u64,
+    light_count: usize,
     medium: u64,
     top_level: u64,
     /// Offsets of what deforms.
@@ -27,11 +28,11 @@ impl Ring {
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
-    pub fn new(context: &Context, scene: &ResidentScene, shapes: &[Range], counts: bool) -> Result<Self> {
+    pub fn new(context: &Context, scene: &ResidentScene, light_count: usize, shapes: &[Range], counts: bool) -> Result<Self> {
         let after = |offset: u64, bytes: usize| (offset + bytes as u64).next_multiple_of(16);
         let instances = after(0, size_of::<Frame>());
         let lights = after(instances, scene.instance_count() * size_of::<Instance>());
-        let medium = after(lights, scene.light_count() * size_of::<Light>());
+        let medium = after(lights, light_count * size_of::<Light>());
         let top_level = after(medium, size_of::<Medium>());
         let mut size = top_level + scene.top_level().size;
         let mut offsets = Vec::with_capacity(shapes.len());
@@ -48,6 +49,7 @@ impl Ring {
             down: (0..SLOTS).map(|_| down()).collect::<Result<_>>()?,
             instances,
             lights,
+            light_count,
             medium,
             top_level,
             shapes: offsets,
@@ -59,7 +61,7 @@ impl Ring {
         let from = |offset, size| Range { offset, size, ..Range::whole("upload ring", &self.up[slot]) };
         let sized = |range: Range, count: usize, each: usize| Range { size: (count * each) as u64, ..range };
         let instances = sized(f.instances, scene.instance_count(), size_of::<Instance>());
-        let lights = sized(f.lights, scene.light_count(), size_of::<Light>());
+        let lights = sized(f.lights, self.light_count, size_of::<Light>());
         let all =
             [(0, f.frame), (self.instances, instances), (self.lights, lights), (self.top_level, scene.top_level())];
         let medium = f.medium.map(|to| (self.medium, to));

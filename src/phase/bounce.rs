@@ -62,6 +62,7 @@ fn bounce_pass(
         atlas: Some(s.atlas),
         srgb: Some(b(s.srgb)),
         traversals: f.traversals.map(b),
+        previous_corners: f.previous_corners.map(b),
     };
     let shader = bounce::modelling(kit.model());
     kit.dispatch("bounce", shader, &bindings.of(shader), bytemuck::bytes_of(&bounce::Push { step }), threads)
@@ -99,6 +100,7 @@ fn shadow_pass(
         path_list: b(paths.list),
         path_counters: b(paths.counters),
         traversals: f.traversals.map(b),
+        previous_corners: f.previous_corners.map(b),
     };
     let shader = shadow_bounce::modelling(kit.model());
     let push = shadow_bounce::Push { step };
@@ -137,6 +139,7 @@ fn scatter_pass(
         path_list: b(paths.list),
         path_counters: b(paths.counters),
         medium: f.medium.map(b),
+        previous_corners: f.previous_corners.map(b),
     };
     let shader = scatter::modelling(kit.model());
     let push = scatter::Push { step };

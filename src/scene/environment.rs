@@ -57,7 +57,7 @@ impl EnvironmentMap {
         let Some(map) = map.filter(|map| map.is_whole()) else { return vec![0; ENVIRONMENT_HEADER as usize] };
         let texels: Vec<[f32; 3]> = map.texels.iter().map(|texel| map.shown(*texel)).collect();
         let turn = (map.turn / TAU).rem_euclid(1.0) as f32;
-        let mut table = vec![map.width, map.height, turn.to_bits(), 0];
+        let mut table = vec![map.width, map.height, turn.to_bits(), 0, 0, 0];
         table.extend(rows(map, &texels));
         texels.chunks(map.width as usize).for_each(|row| table.extend(chances(row.iter().map(|t| luminance(*t)))));
         table.extend(texels.iter().flatten().map(|x| x.to_bits()));

@@ -334,6 +334,18 @@ pub static KNOBS: &[Knob] = &[
         ladder: &[Choice("sample"), Choice("frame")],
     },
     Knob {
+        name: "emitters",
+        about: "triangles that shine light up what is around them, as one more light with a shadow ray, and are not only seen",
+        unit: "",
+        trades: "on: light from lamps that are meshes, with soft shadows, for a ray a sample, and noise",
+        domain: Domain::Switch { at: |s| &mut s.emitters },
+        applies: any,
+        rays: true,
+        // What gives light is for the user to say: a search would leave it out.
+        distinct: |_, value| value == Switch(false),
+        ladder: &[Switch(false), Switch(true)],
+    },
+    Knob {
         name: "gloss",
         about: "roughness up to which surfaces send reflection rays; 0: only those do that transmit or have Phong's lobe",
         unit: "perceptual roughness",

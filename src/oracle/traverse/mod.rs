@@ -8,7 +8,9 @@ mod ray;
 pub mod reference;
 
 pub use intersect::{TriangleHit, hit_children, hit_triangle};
-pub use ray::{Ray, SurfacePoint, in_range, offset_origin, surface_point, transform_direction, transform_point};
+pub use ray::{
+    Ray, SurfacePoint, in_range, offset_origin, surface_point, surface_point_at, transform_direction, transform_point,
+};
 
 use glam::Vec3;
 
@@ -24,6 +26,8 @@ pub struct World<'a> {
     pub tlas: &'a Tlas,
     /// The frame's instances, with the leaf order that [`Tlas::rebuild`] wrote.
     pub instances: &'a [shaders::Instance],
+    /// When the rays are, part of the way from the last frame, 0, to this one, 1: what moves is met where it is then.
+    pub time: f32,
 }
 
 /// What a ray found.
@@ -280,11 +284,10 @@ impl<'a> Walk<'a> {
             node_base: instance.node_base,
             triangle_base: instance.triangle_base,
         });
-        let origin = transform_point(&instance.to_object, query.origin);
-        let direction = transform_direction(&instance.to_object, query.direction);
-        let usable = in_range(origin, direction);
-        self.ray = Ray::new(origin, if usable { direction } else { Vec3::ONE });
-        self.group = if usable { Group::ROOT } else { Group::default() };
+        let ray = super::motion::ray_in(instance, self.world.time, query.origin, query.direction);
+        let (origin, direction) = ray.unwrap_or((query.origin, Vec3::ONE));
+        self.ray = Ray::new(origin, direction);
+        self.group = if ray.is_some() { Group::ROOT } else { Group::default() };
     }
 
     /// Goes on with what was put off last; false if nothing is left.
