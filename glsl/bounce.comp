@@ -3,7 +3,7 @@
 // What the secondary rays of a step find (paper 2, sections 3.3 and 3.5), one thread a ray: those that are reflected first, then those
 // that are refracted. It takes the place of what the camera ray has found, which is shaded by then.
 //
-// models: ALPHA
+// models: ALPHA MOTION COUNT
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -27,18 +27,37 @@ layout(set = 0, binding = 13) uniform sampler2DArray atlas;
 layout(set = 0, binding = 14, std430) readonly buffer Srgb { float data[256]; } srgb;
 #include "alpha_hit.glsl"
 #endif
+#ifdef COUNT
+layout(set = 0, binding = 30, std430) buffer TraversalsBlock { Traversals data; } traversals;
+#endif
+#ifdef MOTION
+layout(set = 0, binding = 15, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+layout(set = 0, binding = 16, std430) readonly buffer Seeds { uint data[]; } seeds;
+layout(set = 0, binding = 17, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
+#endif
 #include "camera.glsl"
 #include "path_list.glsl"
+#include "place.glsl"
 #include "traverse.glsl"
 
-void main() {
-    uint slot = listed_path(push.step, dense_index());
-    if (slot == NO_PATH) {
-        return;
-    }
+void follow(uint slot) {
     vec3 origin = uintBitsToFloat(path_origins.data[slot].xyz);
+#ifdef MOTION
+    frame_time = frame_time_of(seeds.data[slot]);
+#endif
     vec3 direction = uintBitsToFloat(path_directions.data[slot].xyz);
     Intersection hit = traverse(origin, direction, uintBitsToFloat(INFINITY_BITS));
     bool sky = hit.primitive == HIT_SKY;
     found.data[slot] = Found(sky ? SKY_INSTANCE : hit.instance, hit.primitive, hit.u, hit.v);
+}
+
+void main() {
+    uint slot = listed_path(push.step, dense_index());
+    begin_count();
+    uint kind = RAY_REFLECTED;
+    if (slot != NO_PATH) {
+        kind = path_origins.data[slot].w >> PATH_KIND & PATH_KINDS;
+        follow(slot);
+    }
+    end_count(kind);
 }

@@ -2,6 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 
 // The closest hit of each of a list of rays, one thread a ray.
+//
+// variant count: COUNT
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -13,15 +15,28 @@ layout(set = 0, binding = 3, std430) readonly buffer InstancesBlock { Instance d
 layout(set = 0, binding = 4, std430) readonly buffer RaysBlock { vec4 data[]; } rays;
 layout(set = 0, binding = 5, std430) writeonly buffer HitInstancesBlock { uint data[]; } hit_instances;
 layout(set = 0, binding = 6, std430) writeonly buffer HitsBlock { Hit data[]; } hits;
+#ifdef COUNT
+// Of each ray: nodes visited, triangles tested.
+layout(set = 0, binding = 7, std430) writeonly buffer CostsBlock { uvec2 data[]; } costs;
+layout(set = 0, binding = 30, std430) buffer TraversalsBlock { Traversals data; } traversals;
+#endif
 layout(push_constant) uniform Push { uint count; } push;
 
 #include "traverse.glsl"
 
-void main() {
-    uint i = gl_GlobalInvocationID.x;
-    if (i >= push.count) return;
+void trace(uint i) {
     vec4 origin = rays.data[2u * i];
     Intersection found = traverse(origin.xyz, rays.data[2u * i + 1u].xyz, origin.w);
     hit_instances.data[i] = found.instance;
     hits.data[i] = Hit(found.primitive, found.u, found.v, found.t);
+#ifdef COUNT
+    costs.data[i] = uvec2(nodes_visited, triangles_tested);
+#endif
+}
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    begin_count();
+    if (i < push.count) trace(i);
+    end_count(RAY_CAMERA);
 }

@@ -65,7 +65,7 @@ void begin_path(uint seed, uint source) {
     path_number = source == NO_SOURCE ? 0u : paths_before(previous_gathered.data[source]);
 #else
     path_scramble = hash_combine(hash_uint(frame.data.seed), seed & 0x0fffffffu);
-    path_number = (seed >> 28) + frame.data.spp * frame.data.variation;
+    path_number = (seed >> 28) + frame.data.spp * frame.data.variation & PATH_NUMBER;
 #endif
 }
 
@@ -99,5 +99,5 @@ void main() {
         gathered.data[slot] = Gathered(albedo, kind);
         brought.data[slot] = uvec4(0u, 0u, 0u, source);
     }
-    list_path(gl_LocalInvocationIndex, kind, 0u, slot);
+    list_path(gl_LocalInvocationIndex, slot < counters.data.samples ? slot : NO_PATH, kind, 0u, slot);
 }

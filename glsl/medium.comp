@@ -4,7 +4,7 @@
 // colour is composited with what the march has gathered at the sample's depth. A step scatters the light of one of the lights,
 // each in its turn, with a shadow ray.
 //
-// models: ALPHA
+// models: ALPHA COUNT
 #define AREA
 #define MEDIUM_NOISE
 #define TRAVERSE_ANY
@@ -30,6 +30,9 @@ layout(set = 0, binding = 13, std430) readonly buffer Materials { Material data[
 layout(set = 0, binding = 14, std430) readonly buffer Vertices { Vertex data[]; } vertices;
 layout(set = 0, binding = 15) uniform sampler2DArray atlas;
 layout(set = 0, binding = 16, std430) readonly buffer Srgb { float data[256]; } srgb;
+#endif
+#ifdef COUNT
+layout(set = 0, binding = 30, std430) buffer TraversalsBlock { Traversals data; } traversals;
 #endif
 #include "camera.glsl"
 #ifdef ALPHA
@@ -103,8 +106,7 @@ float farthest(uint index) {
     return far;
 }
 
-void main() {
-    uvec2 pixel = gl_GlobalInvocationID.xy;
+void march_through(uvec2 pixel) {
     Medium m = medium.data;
     vec3 extinction = medium_extinction(m);
     if (any(greaterThanEqual(pixel, frame.data.size)) || m.kind == MEDIUM_NONE
@@ -130,6 +132,7 @@ void main() {
     March march = March(vec3(0.0), vec3(1.0), way.x);
     bool ended = false;
     for (uint k = 0u; k < m.steps; ++k) {
+        count_step();
         bool last = ended || k + 1u == m.steps;
         float to = last ? way.y : march_depth(m, way.x, way.y, float(k + 1u) / float(m.steps));
         vec3 point = direction * march_depth(m, way.x, way.y, (float(k) + jitter) / float(m.steps));
@@ -149,4 +152,10 @@ void main() {
         ended = largest_component(march.transmittance) < TRANSMITTANCE_LEAST;
     }
     atomicAdd(counters.data.shadow_rays, rays);
+}
+
+void main() {
+    begin_count();
+    march_through(gl_GlobalInvocationID.xy);
+    end_count(RAY_MARCH);
 }

@@ -6,7 +6,7 @@
 // on the order of arrival.
 //
 // variant index: INDEX
-// models: LENS DEFORM
+// models: LENS DEFORM MOTION
 #include "track.glsl"
 
 layout(local_size_x = 64) in;
@@ -23,6 +23,9 @@ layout(set = 0, binding = 6, std430) readonly buffer SamplerTable { uint data[];
 layout(set = 0, binding = 7, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
 layout(set = 0, binding = 8, std430) readonly buffer Rest { float data[]; } rest;
 #endif
+#ifdef MOTION
+layout(set = 0, binding = 9, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 #include "place.glsl"
 
 void main() {
@@ -35,12 +38,15 @@ void main() {
     if (!surface && (s.instance & INSTANCE_MASK) != SKY_INSTANCE) {
         return;  // no point
     }
-    vec3 relative = relative_position(s);
 #ifdef LENS
     uint seed = seeds.data[i];
 #else
     const uint seed = 0u;
 #endif
+#ifdef MOTION
+    frame_time = frame_time_of(seed);
+#endif
+    vec3 relative = relative_position(s);
     vec2 where;
     if (!place_within(eye_now(), seed, relative, surface, 1.0, where)) {
         return;

@@ -17,7 +17,7 @@
 //
 // variant nearest: NEAREST
 // variant displaced: NEAREST DISPLACED
-// models: LENS DEFORM
+// models: LENS DEFORM MOTION
 
 #include "types.glsl"
 
@@ -39,6 +39,9 @@ layout(set = 0, binding = 8, std430) readonly buffer SamplerTable { uint data[];
 #ifdef DEFORM
 layout(set = 0, binding = 9, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
 layout(set = 0, binding = 10, std430) readonly buffer Rest { float data[]; } rest;
+#endif
+#ifdef MOTION
+layout(set = 0, binding = 11, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
 #endif
 #include "place.glsl"
 
@@ -98,6 +101,9 @@ void main() {
     }
 #ifdef LENS
     uint seed = seeds.data[i];
+#ifdef MOTION
+    frame_time = frame_time_of(seed);
+#endif
 #else
     const uint seed = 0u;
 #endif

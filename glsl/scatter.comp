@@ -6,7 +6,7 @@
 // The `diffuse` variant does it for diffuse paths: their radiance is kept apart, and they go on wherever a surface scatters light.
 //
 // variant diffuse: DIFFUSE
-// models: MEDIUM
+// models: MEDIUM MOTION EMITTER
 #define PATH
 #define AREA
 #define ENVIRONMENT
@@ -41,6 +41,9 @@ layout(set = 0, binding = 20, std430) buffer PathCountersBlock { PathCounters da
 #ifdef MEDIUM
 layout(set = 0, binding = 21, std430) readonly buffer MediumBlock { Medium data; } medium;
 #endif
+#ifdef MOTION
+layout(set = 0, binding = 22, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 layout(push_constant) uniform Push { uint step; } push;
 
 #define READ_NEAREST ((frame.data.flags & FRAME_NEAREST) != 0u)
@@ -65,6 +68,9 @@ uint follow_diffuse(Seen seen, uint slot, uint seed, uint step, vec3 throughput,
 // What a ray brings, and where its path goes on.
 uint follow(uint slot, out vec3 radiance) {
     Found f = found.data[slot];
+#ifdef MOTION
+    frame_time = frame_time_of(seeds.data[slot]);
+#endif
     uvec4 state = path_weights.data[slot];
 #ifdef DIFFUSE
     resume_path(path_origins.data[slot].w, path_directions.data[slot].w);
@@ -91,7 +97,8 @@ uint follow(uint slot, out vec3 radiance) {
 }
 
 void main() {
-    uint slot = listed_path(push.step, dense_index());
+    uint index = dense_index();
+    uint slot = listed_path(push.step, index);
     uint kind = PATH_ENDS;
     if (slot != NO_PATH) {
         vec3 radiance;
@@ -104,5 +111,6 @@ void main() {
         shaded.data[slot] = with_color(s, shaded_color(s) + radiance);
 #endif
     }
-    list_path(gl_LocalInvocationIndex, kind, push.step + 1u, slot);
+    bool listed = index < path_counters.data[push.step].listed;
+    list_path(gl_LocalInvocationIndex, listed ? index : NO_PATH, kind, push.step + 1u, slot);
 }

@@ -4,7 +4,7 @@
 //
 // Where paths go on, it also says where: the first of their rays.
 //
-// models: LENS AREA DEFORM ENVIRONMENT PATH MEDIUM
+// models: LENS AREA DEFORM ENVIRONMENT PATH MEDIUM MOTION EMITTER
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -94,6 +94,13 @@ bool locate(Sample s, uint slot, out vec2 offset, out vec2 motion, out float dep
     bool here = place_within(eye_now(), seed, now, surface, MOTION_REACH, pixel);
     bool there = place_within(eye_before(), seed, before, surface, MOTION_REACH, last);
     offset = pixel - clamp(floor(pixel), vec2(0.0), vec2(frame.data.size - 1u));
+#ifdef MOTION
+    // Motion is told from frame to frame, whenever in between the sample is seen.
+    if (frame_time < 1.0) {
+        frame_time = 1.0;
+        here = place_within(eye_now(), seed, relative_position(s), surface, MOTION_REACH, pixel);
+    }
+#endif
     motion = pixel - last;
     return here && there;
 }
@@ -104,6 +111,9 @@ uint shade(uint slot, Found f) {
     uint seed = seeds.data[slot];
 #else
     const uint seed = 0u;
+#endif
+#ifdef MOTION
+    frame_time = frame_time_of(seed);
 #endif
 #ifdef LENS
     vec3 viewer = ray_origin(seed);
@@ -150,6 +160,6 @@ void main() {
         shaded.data[slot] = NOT_VISIBLE;
     }
 #ifdef PATH
-    list_path(gl_LocalInvocationIndex, kind, 0u, slot);
+    list_path(gl_LocalInvocationIndex, listed ? slot : NO_PATH, kind, 0u, slot);
 #endif
 }

@@ -8,7 +8,7 @@
 //
 // variant bounce: BOUNCE PATH LENS AREA ENVIRONMENT
 // variant diffuse: BOUNCE DIFFUSE PATH LENS AREA ENVIRONMENT
-// models: ALPHA LENS AREA ENVIRONMENT
+// models: ALPHA LENS AREA ENVIRONMENT MOTION EMITTER COUNT
 #define TRAVERSE_ANY
 #include "types.glsl"
 
@@ -35,8 +35,14 @@ layout(set = 0, binding = 14, std430) readonly buffer Srgb { float data[256]; } 
 layout(set = 0, binding = 15, std430) readonly buffer Seeds { uint data[]; } seeds;
 layout(set = 0, binding = 16, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
 #endif
+#ifdef MOTION
+layout(set = 0, binding = 17, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 #ifdef ENVIRONMENT
 layout(set = 0, binding = 18, std430) readonly buffer EnvironmentMap { uint data[]; } environment_map;
+#endif
+#ifdef COUNT
+layout(set = 0, binding = 30, std430) buffer TraversalsBlock { Traversals data; } traversals;
 #endif
 #ifdef BOUNCE
 layout(set = 0, binding = 19, std430) readonly buffer PathOrigins { uvec4 data[]; } path_origins;
@@ -58,8 +64,11 @@ layout(set = 0, binding = 22, std430) readonly buffer PathDirections { uvec4 dat
 #ifdef ENVIRONMENT
 #include "environment.glsl"
 #endif
-#ifdef AREA
+#if defined(AREA) || defined(MOTION)
 #include "light.glsl"
+#endif
+#ifdef EMITTER
+#include "emitter.glsl"
 #endif
 #include "traverse.glsl"
 
@@ -68,9 +77,12 @@ shared uint tally;
 // The bits of all lights for one sample; counts the rays. Lights are chosen one after the other, each with the chance that
 // leaves all sets alike (selection sampling: Knuth, The Art of Computer Programming 3.4.2, algorithm S).
 uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
-    Instance inst = instances.data[f.instance];
     Corners c = load_corners(f.primitive);
-    SurfacePoint point = surface_point(inst.to_relative, inst.to_object, c.v0, c.v1, c.v2, f.u, f.v);
+#ifdef MOTION
+    Instance inst = instances.data[f.instance];
+    shape_at(inst.flags, f.primitive - inst.triangle_base, frame_time, c.v0, c.v1, c.v2);
+#endif
+    SurfacePoint point = surface_point(placement_at(f.instance, frame_time), c.v0, c.v1, c.v2, f.u, f.v);
     // The lit side is the one that is seen.
 #ifdef BOUNCE
 #ifdef DIFFUSE
@@ -113,6 +125,7 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
             bit = ENVIRONMENT_LIGHT;
             light.kind = LIGHT_DIRECTIONAL;
             light.direction = -sky;
+            light.shape = LIGHT_SHARP;
         } else
 #endif
         {
@@ -120,10 +133,17 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
             chosen = h % lights_left < wanted;
             wanted -= uint(chosen);
             --lights_left;
-#ifdef AREA
-            light = light_point(lights.data[i], at);
-#else
             light = lights.data[i];
+#ifdef MOTION
+            light = light_at_time(light, frame_time);
+#endif
+#ifdef AREA
+            light = light_point(light, at);
+#endif
+#ifdef EMITTER
+            if (light.shape == LIGHT_MESH) {
+                light = draw_emitter(light, at, seed_bits(seed, PAIR_CHOICE).y, point.position).light;
+            }
 #endif
         }
         bool directional = light.kind == LIGHT_DIRECTIONAL;
@@ -131,6 +151,12 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
         if (!chosen || !(dot(point.normal, towards) * viewer_side > 0.0)) {
             continue;
         }
+#ifdef EMITTER
+        // Half of what shines looks away.
+        if (light.shape == LIGHT_MESH && !(dot(light.direction, towards) < 0.0)) {
+            continue;
+        }
+#endif
         if (untraced) {
             bits |= 1u << bit;
             continue;
@@ -165,17 +191,22 @@ void main() {
         tally = 0u;
     }
     barrier();
+    begin_count();
     if (listed) {
         Found f = found.data[slot];
         bool visible = f.primitive != FOUND_LOST && (f.instance & OCCLUDED_BIT) == 0u;
         uint bits = 0u;
         uint rays = 0u;
         if (visible && f.instance != SKY_INSTANCE) {
+#ifdef MOTION
+            frame_time = frame_time_of(seeds.data[slot]);
+#endif
             bits = lights_reaching(f, slot, light_hash(samples.data[slot], salt), rays);
         }
         lit.data[slot] = bits;
         atomicAdd(tally, rays);
     }
+    end_count(RAY_SHADOW);
     barrier();
     if (gl_LocalInvocationIndex == 0u && tally != 0u) {
         atomicAdd(counters.data.shadow_rays, tally);

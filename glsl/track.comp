@@ -7,7 +7,7 @@
 // such errors would add up and the picture would never rest: once it has settled, each pixel's ray is that of the last
 // frame, to the bit.
 //
-// models: SEED LENS DEFORM
+// models: SEED LENS DEFORM MOTION
 #include "track.glsl"
 #include "analysis.glsl"
 
@@ -31,6 +31,9 @@ layout(set = 0, binding = 10, std430) readonly buffer SamplerTable { uint data[]
 layout(set = 0, binding = 11, std430) readonly buffer CornersBlock { vec4 data[]; } corners;
 layout(set = 0, binding = 12, std430) readonly buffer Rest { float data[]; } rest;
 #endif
+#ifdef MOTION
+layout(set = 0, binding = 13, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 #include "place.glsl"
 
 // Pixels with 0, 1, ... 16 and more points.
@@ -41,6 +44,9 @@ vec2 position_of(uint point) {
     Sample s = previous.data[point];
 #ifdef LENS
     uint seed = previous_seeds.data[point];
+#ifdef MOTION
+    frame_time = frame_time_of(seed);
+#endif
 #else
     const uint seed = 0u;
 #endif

@@ -4,7 +4,7 @@
 // sample's ray ends a little behind the sample: it finds the sample's own surface, or what hides it. Of a list to which a
 // fill was added behind, only that part is traced.
 //
-// models: ALPHA LENS DEFORM
+// models: ALPHA LENS DEFORM MOTION COUNT
 #include "types.glsl"
 
 layout(local_size_x = 64) in;
@@ -28,6 +28,12 @@ layout(set = 0, binding = 12, std430) readonly buffer Srgb { float data[256]; } 
 layout(set = 0, binding = 13, std430) readonly buffer Seeds { uint data[]; } seeds;
 layout(set = 0, binding = 14, std430) readonly buffer SamplerTable { uint data[]; } sampler_table;
 #endif
+#ifdef COUNT
+layout(set = 0, binding = 30, std430) buffer TraversalsBlock { Traversals data; } traversals;
+#endif
+#ifdef MOTION
+layout(set = 0, binding = 15, std430) readonly buffer PreviousCorners { float data[]; } previous_corners;
+#endif
 #include "place.glsl"
 #ifdef ALPHA
 #include "alpha_hit.glsl"
@@ -45,9 +51,12 @@ bool is_one_sided(uint primitive) {
 const float REACH = 1.0 + 1.0 / 64.0;
 
 SurfacePoint surface_of(Intersection hit) {
-    Instance inst = instances.data[hit.instance];
     Corners c = load_corners(hit.primitive);
-    return surface_point(inst.to_relative, inst.to_object, c.v0, c.v1, c.v2, hit.u, hit.v);
+#ifdef MOTION
+    Instance inst = instances.data[hit.instance];
+    shape_at(inst.flags, hit.primitive - inst.triangle_base, frame_time, c.v0, c.v1, c.v2);
+#endif
+    return surface_point(placement_at(hit.instance, frame_time), c.v0, c.v1, c.v2, hit.u, hit.v);
 }
 
 // Whether the surface that was hit is the one that the sample lies on: whether the sample is on the hit triangle's plane,
@@ -109,12 +118,11 @@ CameraRay camera_ray(uint slot, Sample s, vec3 target, bool added, bool surface)
 #endif
 }
 
-void main() {
-    uint slot = counters.data.first + dense_index();
-    if (slot >= counters.data.samples) {
-        return;
-    }
+void verify(uint slot) {
     Sample s = samples.data[slot];
+#ifdef MOTION
+    frame_time = frame_time_of(seeds.data[slot]);
+#endif
     uint id = s.instance & INSTANCE_MASK;
     bool added = id == NEW_INSTANCE;
     bool surface = is_surface(s);
@@ -126,4 +134,13 @@ void main() {
     } else {
         found.data[slot] = check_sample(slot, id, target, hit);
     }
+}
+
+void main() {
+    uint slot = counters.data.first + dense_index();
+    begin_count();
+    if (slot < counters.data.samples) {
+        verify(slot);
+    }
+    end_count(RAY_CAMERA);
 }

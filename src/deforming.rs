@@ -92,21 +92,22 @@ impl Deforming {
         &self.geometry
     }
 
-    /// Takes on the shapes of a frame, and those that motion is told relative to.
+    /// Takes on the shapes of a frame, and those that motion is told relative to; trees `swept` bound all between the two.
     ///
     /// # Errors
     /// [`Error::Scene`] for shapes beyond the range of coordinates.
-    pub fn shape(&mut self, scene: &ResidentScene, now: &Pose, before: &Pose) -> Result<()> {
+    pub fn shape(&mut self, scene: &ResidentScene, now: &Pose, before: &Pose, swept: bool) -> Result<()> {
         for (i, deformable) in scene.deformables.iter().enumerate() {
             let (now, before) = (&now.deformations[i], &before.deformations[i]);
             deform(&deformable.rest, now, &mut self.shape);
-            self.geometry.refit(deformable.mesh, &self.shape)?;
-            if now == before {
+            let then = (now != before).then(|| positions(&deformable.rest, before));
+            self.geometry.refit_between(deformable.mesh, &self.shape, then.as_deref().filter(|_| swept))?;
+            if let Some(then) = then {
+                self.keep(deformable, &then);
+            } else {
                 let positions = std::mem::take(&mut self.shape.positions);
                 self.keep(deformable, &positions);
                 self.shape.positions = positions;
-            } else {
-                self.keep(deformable, &positions(&deformable.rest, before));
             }
         }
         Ok(())

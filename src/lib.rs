@@ -126,6 +126,7 @@
 
 pub mod accel;
 mod deforming;
+pub mod emitters;
 pub mod error;
 pub mod gpu;
 pub mod headless;

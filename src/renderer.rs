@@ -22,7 +22,7 @@ use ash::vk;
 use std::sync::Arc;
 
 pub use crate::settings::{Aov, Fill, Method, Settings, Weights};
-pub use crate::stats::{FrameStats, PhaseTime};
+pub use crate::stats::{FrameStats, PhaseTime, RayCosts};
 
 /// What changes from frame to frame.
 #[derive(Debug, Clone, Copy)]
@@ -247,7 +247,8 @@ impl Renderer {
     pub fn stats(&self, ticket: Ticket) -> Option<FrameStats> {
         let slot = self.slot(ticket)?;
         let counters = self.frames.ring.counters(slot)?;
-        Some(FrameStats::new(&counters, &self.settings))
+        let costs = self.frames.ring.traversals(slot).map(|t| RayCosts::of(&t));
+        Some(FrameStats { costs, ..FrameStats::new(&counters, &self.settings) })
     }
 
     /// Time of each phase of a frame that has been waited for, in order; empty on a device without timestamps, or if the
@@ -338,6 +339,10 @@ impl Renderer {
             let expected = "a pinhole, since no camera of the scene has an aperture; or model = all".to_owned();
             return wrong("view.lens", format!("{:?}", inputs.view.lens), expected);
         }
+        if inputs.view.shutter > 0.0 && !self.frames.model.has(shaders::MODEL_MOTION) {
+            let expected = "0, since no camera of the scene has a shutter; or model = all".to_owned();
+            return wrong("view.shutter", inputs.view.shutter.to_string(), expected);
+        }
         constants::check_view(&inputs.view, self.settings.size)
     }
 
@@ -349,7 +354,7 @@ impl Renderer {
         let before = self.motion_origin(inputs, self.last.as_ref());
         let Some(deforming) = &mut self.deforming else { return Ok(()) };
         let before = before.as_ref().map_or(inputs.pose, |(_, pose)| pose);
-        deforming.shape(&self.scene, inputs.pose, before)
+        deforming.shape(&self.scene, inputs.pose, before, inputs.view.shutter > 0.0)
     }
 
     /// The scene's geometry, as it is in the last frame that was recorded.
@@ -378,7 +383,7 @@ impl Renderer {
             // The first still frame repairs what the last movement left; from the second on the pattern stays.
             settled: still >= 2,
             lit_for,
-            lights: self.scene.lights.len() as u32,
+            lights: self.scene.light_count(self.settings.emitters) as u32,
             instances: self.scene.geometry.instance_meshes.len() as u32,
         };
         self.write_instances(inputs, &moment, before.as_ref().map(|(_, pose)| pose));
@@ -411,7 +416,9 @@ impl Renderer {
             })
             .collect();
         deforming::mark(&self.scene, &mut instances);
-        self.tlas.rebuild(geometry, &mut instances);
+        let shutter = moment.view.shutter;
+        instances.iter_mut().for_each(|instance| accel::mark_moving(instance, shutter));
+        self.tlas.rebuild_over(geometry, &mut instances, shutter);
         let slot = (self.recorded % SLOTS as u64) as usize;
         self.frames.ring.write_instances(slot, &instances);
         self.frames.ring.write_top_level(slot, &self.tlas.nodes);
@@ -422,9 +429,17 @@ impl Renderer {
 
     fn write_constants(&mut self, slot: usize, inputs: &FrameInputs<'_>, moment: &Moment) {
         let frame = constants::frame(&self.settings, &self.frames.storage, &self.scene.environment, moment);
-        let placed = self.scene.lights.iter().zip(&inputs.pose.lights);
-        let lights: Vec<shaders::Light> =
-            placed.map(|(light, pose)| constants::light(light, pose, inputs.view.position)).collect();
+        let before = self.last.as_ref().and_then(|last| last.before.as_ref());
+        let before = before.map_or(&inputs.pose.lights, |(_, pose)| &pose.lights);
+        let placed = self.scene.lights.iter().zip(inputs.pose.lights.iter().zip(before));
+        let mut lights: Vec<shaders::Light> = placed
+            .map(|(light, (now, then))| {
+                constants::light(light, now, inputs.view.position, then.position - moment.previous.position)
+            })
+            .collect();
+        // Where it is, and how bright, a draw says.
+        let shines = shaders::Light { shape: shaders::LIGHT_MESH, ..Default::default() };
+        lights.resize(moment.lights as usize, shines);
         self.frames.ring.write_frame(slot, &frame);
         self.frames.ring.write_lights(slot, &lights);
         let medium = self.scene.medium.map(|m| m.record(inputs.view.position, inputs.pose.drift, self.scene.ambient));
@@ -438,10 +453,11 @@ impl Frames {
         let model = Model::of(&scene.requirements, settings);
         let storage = Storage::new(settings, model.bits());
         let deforming = model.has(shaders::MODEL_DEFORM).then(|| deforming::previous_triangles(scene));
-        let (instances, lights) = (scene.instance_count(), scene.light_count());
+        scene.check_emitters(settings.emitters)?;
+        let (instances, lights) = (scene.instance_count(), scene.light_count(settings.emitters));
         let buffers = FrameBuffers::new(context, settings, &storage, instances, lights, deforming)?;
         let shapes = deforming::targets(scene, &scene.resources(), buffers.resources(0).previous_corners);
-        let ring = Ring::new(context, scene, &shapes)?;
+        let ring = Ring::new(context, scene, lights, &shapes, model.has(shaders::MODEL_COUNT))?;
         // Two plans of less than 32 passes each, and four for each step of paths and of diffuse ones.
         let steps = shaders::PATH_STEPS + settings.indirect.depth;
         let kit = Kit::new(context, 2 * (32 + 4 * steps), model.bits())?;

@@ -2,13 +2,14 @@
 
 use crate::accel::{BvhBuildParams, Geometry};
 use crate::deforming::Deformable;
+use crate::emitters;
 use crate::gpu::image::Sampler;
 use crate::gpu::{Buffer, Context, Image, ImageDesc, Range, Resource};
 use crate::phase::SceneResources;
 use crate::progress::Progress;
 use crate::scene::atlas::{self, Atlas};
 use crate::scene::medium::{self, Medium};
-use crate::scene::requirements::{self, Requirements};
+use crate::scene::requirements::{self, Feature, Requirements};
 use crate::scene::{Environment, EnvironmentMap, Light, Scene};
 use crate::{Error, Result};
 use ash::vk;
@@ -23,6 +24,8 @@ pub const MAX_LIGHTS: usize = 32;
 pub struct ResidentScene {
     pub(crate) geometry: Geometry,
     pub(crate) lights: Vec<Light>,
+    /// Triangles that shine.
+    pub(crate) emitters: usize,
     pub(crate) environment: Environment,
     pub(crate) medium: Option<Medium>,
     /// Mean radiance from all around.
@@ -42,7 +45,7 @@ pub struct ResidentScene {
     sampler: Sampler,
 }
 
-const SMALLER_MAP: &str = "use an environment map with fewer texels";
+const SMALLER_MAP: &str = "use an environment map with fewer texels, or a scene with fewer triangles that shine";
 const FEWER_TRIANGLES: &str = "use a scene with fewer triangles (builtin:hairball takes ?strands=N)";
 
 impl ResidentScene {
@@ -61,8 +64,11 @@ impl ResidentScene {
         // The top level's nodes come first; every frame writes them.
         let mut nodes = vec![[0; 20]; geometry.tlas_capacity as usize];
         nodes.extend_from_slice(&geometry.nodes);
+        let mut afar = EnvironmentMap::table(scene.environment_map.as_ref());
+        let emitters = emitters::append(&mut afar, scene, &geometry, &scene.pose(0.0).instances);
         Ok(Self {
             lights: scene.lights.clone(),
+            emitters,
             environment: scene.environment,
             medium: scene.medium,
             ambient: scene.environment.radiance
@@ -76,7 +82,7 @@ impl ResidentScene {
             vertices: upload("vertices", bytemuck::cast_slice(&geometry.vertices))?,
             materials: upload("materials", bytemuck::cast_slice(&atlas::material_records(scene, &pages)))?,
             srgb: upload("sRGB table", bytemuck::cast_slice(&atlas::srgb_table()))?,
-            environment_map: upload_map(context, scene.environment_map.as_ref())?,
+            environment_map: Buffer::with_data(context, "environment map", bytemuck::cast_slice(&afar), SMALLER_MAP)?,
             medium_noise: upload("medium noise", bytemuck::cast_slice(&medium::noise(scene.medium.as_ref())))?,
             atlas: upload_atlas(context, &pages)?,
             sampler: Sampler::new(context)?,
@@ -103,8 +109,22 @@ impl ResidentScene {
         self.geometry.instance_meshes.len()
     }
 
-    pub(crate) fn light_count(&self) -> usize {
-        self.lights.len()
+    /// Lights of a frame: those of the scene, and with `emitters` all triangles that shine, together.
+    pub(crate) fn light_count(&self, emitters: bool) -> usize {
+        self.lights.len() + usize::from(emitters && self.emitters > 0)
+    }
+
+    /// Whether a bit is left for what shines.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if there is none.
+    pub(crate) fn check_emitters(&self, emitters: bool) -> Result<()> {
+        let most = MAX_LIGHTS - usize::from(self.requirements.cause(Feature::EnvironmentMap).is_some());
+        if self.light_count(emitters) <= most {
+            return Ok(());
+        }
+        let expected = format!("a scene with fewer than {most} lights besides what shines, or emitters off");
+        Err(Error::Setting { name: "emitters", value: format!("on with {} lights", self.lights.len()), expected })
     }
 
     /// Where the top level goes: the start of the node buffer.
@@ -136,11 +156,6 @@ fn check_lights(scene: &Scene) -> Result<()> {
         );
     }
     Ok(())
-}
-
-fn upload_map(context: &Context, map: Option<&EnvironmentMap>) -> Result<Buffer> {
-    let table = EnvironmentMap::table(map);
-    Buffer::with_data(context, "environment map", bytemuck::cast_slice(&table), SMALLER_MAP)
 }
 
 fn upload_atlas(context: &Context, pages: &Atlas) -> Result<Image> {

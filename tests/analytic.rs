@@ -141,7 +141,7 @@ fn closed_form(scene: &Scene, view: &View, point: DVec3) -> f64 {
         ..Reflector::default()
     };
     let pose = scene.pose(0.0);
-    let light: shaders::Light = constants::light(&scene.lights[0], &pose.lights[0], DVec3::ZERO);
+    let light: shaders::Light = constants::light(&scene.lights[0], &pose.lights[0], DVec3::ZERO, DVec3::ZERO);
     let incident = light_at(&light, point.as_vec3().to_array());
     let to_viewer = (view.position - point).normalize();
     reflector.reflect_light(DVec3::Y, to_viewer, incident.direction).x * incident.irradiance.x

@@ -240,6 +240,23 @@ fn a_lens_is_asked_for_on_the_command_line() {
 }
 
 #[test]
+fn a_shutter_is_asked_for_on_the_command_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let render = |name: &str, more: &str| {
+        let command = format!("render builtin:billiards?rings=6 --size 48x32 --fps 10 --frames 2 --out {name} --quiet");
+        run(dir.path(), format!("{command} {more}").trim_end());
+        [0, 1].map(|i| std::fs::read(dir.path().join(name).join(format!("frame_000{i}.png"))).unwrap())
+    };
+    let [of_scene, half, whole, none] =
+        [("a", ""), ("b", "--shutter 0.5"), ("c", "--shutter 1"), ("d", "--shutter 0")].map(|(n, m)| render(n, m));
+    assert!(of_scene == whole, "the scene's camera has this one");
+    // Before the first frame there is none from which anything moves.
+    assert!(whole[0] == none[0] && whole[1] != none[1] && whole[1] != half[1]);
+    let placed = "--camera 0,1,1:0,0,0";
+    assert!(render("e", placed)[1] != render("f", &format!("{placed} --shutter 1"))[1]);
+}
+
+#[test]
 fn light_from_all_around_is_asked_for_on_the_command_line() {
     let dir = tempfile::tempdir().unwrap();
     let data: Vec<f32> = (0..32).map(|i| if i % 8 < 4 { 1.0 } else { 0.1 }).collect();

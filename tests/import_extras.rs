@@ -27,7 +27,7 @@ fn file(camera: Value, lamp: Value, sun: Value) -> File {
 
 fn good() -> [Value; 3] {
     [
-        json!({ "aperture": 0.05, "focus": 4, "blades": 6 }),
+        json!({ "aperture": 0.05, "focus": 4, "blades": 6, "shutter": 0.5 }),
         json!({ "shape": "rectangle", "width": 1.5, "height": 0.5 }),
         json!({ "shape": "disc", "width": 0.5 }),
     ]
@@ -38,6 +38,7 @@ fn lenses_and_extents_arrive() {
     let [camera, lamp, sun] = good();
     let scene = file(camera, lamp, sun).scene();
     assert_eq!(scene.cameras[0].lens, Lens { aperture: 0.05, focus: 4.0, blades: 6 });
+    assert_eq!((scene.cameras[0].shutter, scene.pose(0.0).cameras[0].shutter), (0.5, 0.5));
     assert_eq!(scene.lights[0].shape, LightShape::Rectangle([1.5, 0.5]));
     let half_degree = 0.5_f64.to_radians() as f32;
     assert_eq!(scene.lights[1].shape, LightShape::Disc([half_degree; 2]), "as high as wide if nothing else is said");
@@ -50,6 +51,7 @@ fn lenses_and_extents_arrive() {
     plain["extensions"]["KHR_lights_punctual"]["lights"][0]["extras"] = json!({ "other": 2 });
     let scene = File { json: plain, ..scene }.scene();
     assert_eq!((scene.cameras[0].lens, scene.lights[0].shape), (Lens::PINHOLE, LightShape::Sharp));
+    assert_eq!(scene.cameras[0].shutter, 0.0);
 }
 
 #[test]
@@ -59,8 +61,11 @@ fn what_is_wrong_is_told_with_key_value_and_range() {
         (0, json!({ "aperture": "wide" }), ["aperture", "\"wide\"", "at least 0"]),
         (0, json!({ "focus": 0 }), ["focus", "0", "above 0"]),
         (0, json!({ "blades": 2 }), ["blades", "2", "from 3 to 16"]),
+        (0, json!({ "shutter": -0.1 }), ["cameras[0].extras.stillray.shutter", "-0.1", "from 0 to 1"]),
+        (0, json!({ "shutter": 1.5 }), ["shutter", "1.5", "from 0 to 1, in frames"]),
+        (0, json!({ "shutter": null }), ["shutter", "null", "from 0 to 1"]),
         (0, json!({ "blades": 5.5 }), ["blades", "5.5", "from 3 to 16"]),
-        (0, json!({ "fstop": 2 }), ["fstop", "2", "aperture, focus, blades"]),
+        (0, json!({ "fstop": 2 }), ["fstop", "2", "aperture, focus, blades, shutter"]),
         (0, json!(3), ["cameras[0].extras.stillray", "3", "an object"]),
         (1, json!({ "shape": "line" }), ["lights[0].extras.stillray.shape", "\"line\"", "\"rectangle\" or \"disc\""]),
         (1, json!({ "width": 1 }), ["shape", "missing", "\"rectangle\" or \"disc\""]),

@@ -161,6 +161,11 @@ impl Device {
     }
 }
 
+/// What a diffuse ray that was not reflected carries of its path's number.
+fn tag(number: u32) -> u32 {
+    shaders::RAY_INDIRECT << shaders::PATH_KIND | number
+}
+
 /// Paths that the twin begins, with their numbers and what tells their samples from others.
 fn twins(theatre: &Theatre, draw: &Draw, inputs: &Inputs, stable: bool) -> Vec<(Option<Start>, [u32; 2], u32)> {
     let one = |slot: usize| {
@@ -191,7 +196,7 @@ fn problem(got: &Outcome, slot: usize, want: &(Option<Start>, [u32; 2], u32)) ->
         // What scatters nothing to all that is known may scatter nothing.
         return (want.albedo.max_element() > want.albedo_error).then_some("not begun");
     }
-    if got.origins[slot][3].to_bits() != *number || got.directions[slot][3].to_bits() != *scramble {
+    if got.origins[slot][3].to_bits() != tag(*number) || got.directions[slot][3].to_bits() != *scramble {
         return Some("number");
     }
     if got.weights[slot].map(f32::to_bits) != [1.0_f32.to_bits(), 1.0_f32.to_bits(), 1.0_f32.to_bits(), 0] {
@@ -312,6 +317,7 @@ impl Rays {
         list[from..from + listed.len()].copy_from_slice(&listed);
         let mut counters = vec![PathCounters::default(); shaders::PATH_STEPS as usize + 1];
         counters[step as usize].reflected = listed.len() as u32;
+        counters[step as usize].listed = listed.len() as u32;
         let words = |v: Vec3, w: u32| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), w];
         let of = |f: &dyn Fn(usize) -> [u32; 4]| data(&(0..count).map(f).collect::<Vec<_>>());
         let mut bound = vec![
@@ -332,7 +338,7 @@ impl Rays {
         bound.extend(draw.bound(count));
         bound.extend([data(&theatre.environment)]);
         bound.extend([
-            of(&|i| words(self.rays[i].origin, self.rays[i].number)),
+            of(&|i| words(self.rays[i].origin, tag(self.rays[i].number))),
             of(&|i| words(Vec3::X, self.rays[i].scramble)),
             of(&|i| words(self.rays[i].weight, 0)),
             data(&list),
@@ -398,7 +404,7 @@ impl Rays {
             return Some("weight");
         }
         let kept = [got.origins[slot][3].to_bits(), got.directions[slot][3].to_bits()];
-        if kept != [ray.number, ray.scramble] || vector(got.origins[slot]) != next.origin.as_dvec3() {
+        if kept != [tag(ray.number), ray.scramble] || vector(got.origins[slot]) != next.origin.as_dvec3() {
             return Some("origin");
         }
         let off = |d: DVec3| (vector(got.directions[slot]) - d).abs().max_element() > next.direction_error;

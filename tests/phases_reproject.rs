@@ -11,14 +11,16 @@ use std::collections::HashSet;
 use stillray::oracle::bounded::Bounded;
 use stillray::oracle::camera::{self, Projection, subpixel_bit};
 use stillray::oracle::lens::lens_point;
+use stillray::oracle::motion::frame_time;
 use stillray::oracle::reproject::{
     Cache, Landing, Reprojected, Subpixel, UNCLAIMED, landing, landing_bounded, reproject, reproject_displaced,
     reproject_nearest,
 };
-use stillray::oracle::seed::{PAIR_LENS, new_seed, seed_pair};
+use stillray::oracle::seed::{PAIR_LENS, PAIR_TIME, new_seed, seed_pair};
 use stillray::sampler::{Sampler, Strategy, Tiling};
 use stillray::shaders::{
-    self, Counters, FRAME_QUARTERS, FRAME_RESET, Frame, INSTANCE_MASK, Instance, MODEL_LENS, OCCLUDED_BIT, Sample,
+    self, Counters, FRAME_QUARTERS, FRAME_RESET, FRAME_TURNS, Frame, INSTANCE_MASK, Instance, MODEL_LENS, MODEL_MOTION,
+    OCCLUDED_BIT, Sample,
 };
 use support::kernel::{Bound, Kernel, data, values};
 use support::random::{Random, SIZES};
@@ -65,13 +67,13 @@ fn dispatch(kernel: &Kernel, bound: &mut [Bound<'_>], samples: usize) -> Reproje
 
 /// Subpixels that some device could give to another sample than ours does, because of where a sample lands.
 fn uncertain(frame: &Frame, instances: &[Instance], samples: &[Sample]) -> HashSet<Subpixel> {
-    uncertain_through(frame, instances, Cache { samples, lens: &[] })
+    uncertain_through(frame, instances, Cache::from(samples))
 }
 
 fn uncertain_through(frame: &Frame, instances: &[Instance], cache: Cache<'_>) -> HashSet<Subpixel> {
     let mut all = HashSet::new();
     for (i, sample) in cache.samples.iter().enumerate() {
-        let lens = cache.lens.get(i).copied().unwrap_or_default();
+        let lens = cache.seen(i);
         match landing_bounded(frame, instances, sample, lens) {
             Landing::Nowhere => assert_eq!(landing(frame, instances, sample, lens), None),
             Landing::On(subpixel) => assert_eq!(landing(frame, instances, sample, lens), Some(subpixel)),
@@ -110,7 +112,7 @@ fn compare(flags: u32, device: &Reprojected, twin: &Reprojected, uncertain: &Has
 
 /// What must hold on every subpixel, certain or not: masks say what claims say, and who claims a subpixel reaches it.
 fn consistent(device: &Reprojected, frame: &Frame, instances: &[Instance], samples: &[Sample]) {
-    consistent_through(device, frame, instances, Cache { samples, lens: &[] });
+    consistent_through(device, frame, instances, Cache::from(samples));
 }
 
 fn consistent_through(device: &Reprojected, frame: &Frame, instances: &[Instance], cache: Cache<'_>) {
@@ -127,7 +129,7 @@ fn consistent_through(device: &Reprojected, frame: &Frame, instances: &[Instance
         let i = (claim & INSTANCE_MASK) as usize;
         let sample = &cache.samples[i];
         assert_eq!(sample.instance & OCCLUDED_BIT, claim & OCCLUDED_BIT);
-        match landing_bounded(frame, instances, sample, cache.lens.get(i).copied().unwrap_or_default()) {
+        match landing_bounded(frame, instances, sample, cache.seen(i)) {
             Landing::On(there) => assert_eq!(there, (pixel, subpixel)),
             Landing::Among(places) => assert!(places.contains(&(pixel, subpixel))),
             other => panic!("a sample that lands {other:?} has claimed {slot}"),
@@ -218,7 +220,7 @@ fn through_a_lens_samples_land_where_the_twin_says() {
             dispatch(kernel, &mut bound, samples.len())
         };
         let device = run(&view.frame, &kernel, true);
-        let cache = Cache { samples: &samples, lens: &lens };
+        let cache = Cache { lens: &lens, ..Cache::from(&samples) };
         let unsure = uncertain_through(&view.frame, &view.instances, cache);
         let twin = reproject(&view.frame, &view.instances, cache);
         compare(view.frame.flags, &device, &twin, &unsure).unwrap();
@@ -228,6 +230,68 @@ fn through_a_lens_samples_land_where_the_twin_says() {
         caught += usize::from(compare(view.frame.flags, &device, &straight, &unsure).is_err());
         // A closed aperture is a pinhole, to the bit.
         view.frame.lens[0] = 0.0;
+        assert_eq!(run(&view.frame, &kernel, true), run(&view.frame, &pinhole, false));
+    }
+    assert!(caught > SIZES.len() / 2, "{caught}");
+    support::assert_clean(&context);
+}
+
+#[test]
+fn while_the_shutter_is_open_samples_land_where_the_twin_says() {
+    let context = support::validated_context();
+    let shader = |bits| shaders::reproject::modelling(shaders::with_brought(bits));
+    let kernel = Kernel::new(&context, shader(MODEL_MOTION));
+    let pinhole = Kernel::new(&context, shader(0));
+    let mut caught = 0;
+    for (case, size) in SIZES.into_iter().chain([[160, 90], [33, 17]]).enumerate() {
+        let strategy = [Strategy::Sobol, Strategy::Sudoku, Strategy::Random][case % 3];
+        let sampler = Sampler::new(strategy, Tiling::Sudoku, 4, case as u32);
+        let (mut view, samples, seeds, lens) = through_a_lens(case as u32, size, &sampler);
+        let random = &mut Random::new(700 + case as u32);
+        let shutter = random.pick(&[0.25, 1.0]);
+        let off = |random: &mut Random, x: f32| x + random.between(-0.05, 0.05);
+        for instance in &mut view.instances {
+            instance.previous = instance.to_relative.map(|row| row.map(|x| off(random, x)));
+            stillray::accel::mark_moving(instance, f64::from(shutter));
+        }
+        view.frame.previous_right = view.frame.right.map(|x| off(random, x));
+        view.frame.previous_up = view.frame.up;
+        view.frame.previous_forward = view.frame.forward.map(|x| off(random, x));
+        view.frame.flags |= FRAME_TURNS;
+        view.frame.shutter = shutter;
+        let run = |frame: &Frame, kernel: &Kernel, seeded: bool| {
+            let counters = Counters { samples: samples.len() as u32, ..Counters::zeroed() };
+            let pixels = (size[0] * size[1]) as usize;
+            let claims = vec![UNCLAIMED; camera::subpixels(frame.flags) * pixels];
+            let mut bound = vec![
+                data(&[*frame]),
+                data(&view.instances),
+                data(&[counters]),
+                data(&samples),
+                data(&claims),
+                data(&vec![0_u32; pixels]),
+            ];
+            if seeded {
+                // Nothing deforms.
+                bound.extend([data(&seeds), data(&sampler.table())]);
+                bound.extend([data(&[[0.0_f32; 4]; 2]), data(&[0.0_f32]), data(&[0.0_f32])]);
+            }
+            dispatch(kernel, &mut bound, samples.len())
+        };
+        let device = run(&view.frame, &kernel, true);
+        let at = |seed: &u32| seed_pair(&sampler, view.frame.variation, *seed, PAIR_TIME)[0];
+        let times: Vec<f32> = seeds.iter().map(|seed| frame_time(shutter, at(seed))).collect();
+        let cache = Cache { lens: &lens, times: &times, ..Cache::from(&samples) };
+        let unsure = uncertain_through(&view.frame, &view.instances, cache);
+        let twin = reproject(&view.frame, &view.instances, cache);
+        compare(view.frame.flags, &device, &twin, &unsure).unwrap();
+        consistent_through(&device, &view.frame, &view.instances, cache);
+        // Negative control: all at the end of the frame.
+        let end = reproject(&view.frame, &view.instances, Cache { times: &[], ..cache });
+        caught += usize::from(compare(view.frame.flags, &device, &end, &unsure).is_err());
+        // With shutter and aperture closed it is a pinhole, to the bit.
+        view.frame.lens[0] = 0.0;
+        view.frame.shutter = 0.0;
         assert_eq!(run(&view.frame, &kernel, true), run(&view.frame, &pinhole, false));
     }
     assert!(caught > SIZES.len() / 2, "{caught}");

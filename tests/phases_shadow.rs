@@ -16,7 +16,7 @@ use stillray::oracle::traverse::{Intersection, Query, any_with_alpha};
 use stillray::oracle::verify::verify;
 use stillray::shaders::{
     self, Counters, ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, HIT_SKY, INFINITY_BITS, Light, MODEL_ALPHA,
-    MODEL_AREA, MODEL_ENVIRONMENT, MODEL_LENS, OCCLUDED_BIT,
+    MODEL_AREA, MODEL_EMITTER, MODEL_ENVIRONMENT, MODEL_LENS, MODEL_MOTION, OCCLUDED_BIT,
 };
 use stillray::shaders::{SKY_INSTANCE, Sample};
 use support::kernel::{Kernel, blank, data, values};
@@ -31,27 +31,58 @@ struct Device {
     alpha: bool,
     draw: Option<Draw>,
     afar: bool,
+    moving: bool,
 }
 
 impl Device {
     fn new(alpha: bool) -> Self {
         let context = support::validated_context();
         let shader = shaders::shadow::modelling(if alpha { MODEL_ALPHA } else { 0 });
-        Self { kernel: Kernel::new(&context, shader), context, alpha, draw: None, afar: false }
+        Self { kernel: Kernel::new(&context, shader), context, alpha, draw: None, afar: false, moving: false }
     }
 
     /// Of what models holes, a lens and lights that have an extent.
     fn wide(draw: Draw) -> Self {
         let context = support::validated_context();
         let shader = shaders::shadow::modelling(MODEL_ALPHA | MODEL_LENS | MODEL_AREA);
-        Self { kernel: Kernel::new(&context, shader), context, alpha: true, draw: Some(draw), afar: false }
+        Self {
+            kernel: Kernel::new(&context, shader),
+            context,
+            alpha: true,
+            draw: Some(draw),
+            afar: false,
+            moving: false,
+        }
     }
 
     /// Of what models a map of light from all around as well.
     fn afar(draw: Draw) -> Self {
         let context = support::validated_context();
         let shader = shaders::shadow::modelling(MODEL_ALPHA | MODEL_LENS | MODEL_AREA | MODEL_ENVIRONMENT);
-        Self { kernel: Kernel::new(&context, shader), context, alpha: true, draw: Some(draw), afar: true }
+        Self {
+            kernel: Kernel::new(&context, shader),
+            context,
+            alpha: true,
+            draw: Some(draw),
+            afar: true,
+            moving: false,
+        }
+    }
+
+    /// Of what models what shines as lights.
+    fn shining(draw: Draw) -> Self {
+        let context = support::validated_context();
+        let shader = shaders::shadow::modelling(shaders::with_brought(MODEL_ALPHA | MODEL_EMITTER));
+        let kernel = Kernel::new(&context, shader);
+        Self { kernel, context, alpha: true, draw: Some(draw), afar: true, moving: false }
+    }
+
+    /// Of what models an open shutter.
+    fn moving(draw: Draw) -> Self {
+        let context = support::validated_context();
+        let shader = shaders::shadow::modelling(shaders::with_brought(MODEL_ALPHA | MODEL_AREA | MODEL_MOTION));
+        let kernel = Kernel::new(&context, shader);
+        Self { kernel, context, alpha: true, draw: Some(draw), afar: false, moving: true }
     }
 
     /// Bits a sample, and the count of rays.
@@ -78,6 +109,7 @@ impl Device {
             bound.extend([gallery.bound(), Gallery::srgb()]);
         }
         bound.extend(self.draw.iter().flat_map(|draw| draw.bound(padded.len())));
+        bound.extend(self.moving.then(|| data(&[0.0_f32])));
         bound.extend(self.afar.then(|| data(&theatre.environment)));
         self.kernel.run(&mut bound, &[], [(padded.len() as u32).div_ceil(2).next_multiple_of(64), 2, 1]);
         let mut bits = values::<u32>(&bound[8]);
@@ -204,6 +236,62 @@ fn points_of_lights_are_seen_as_the_twin_sees_them() {
         // Without a lens and extents nothing changes, to the bit.
         let plain = Theatre::new(SIZE);
         assert!(device.run(&plain, &list) == Device::new(true).run(&plain, &list));
+        support::assert_clean(&device.context);
+    }
+    println!("{differing} bits of 16000 samples differ");
+    assert!(differing * 1000 <= 16_000, "{differing}");
+}
+
+#[test]
+fn what_shines_is_seen_as_the_twin_sees_it() {
+    let mut differing = 0;
+    let mut reached = 0;
+    for seed in 0..6 {
+        let random = &mut Random::new(280 + seed);
+        let device = Device::shining(Draw::random(random));
+        let draw = device.draw.as_ref().unwrap();
+        let plain = || Theatre::wide(SIZE, &mut Random::new(290 + seed));
+        let seen = plain().shining().drawn(draw);
+        let list = random_list(&seen, seed, 4000);
+        let got = device.run(&plain().shining(), &list);
+        differing += compare(&seen, true, &list, &twins(&seen, &list, true), &got).unwrap();
+        reached += got.0.iter().filter(|bits| *bits >> plain().lights.len() & 1 != 0).count();
+        // Negative controls: another triangle or another point of it, and nothing that shines.
+        let (at, which) = seen.shining_at;
+        for other in [(at.map(|x| 1.0 - x), which), (at, which ^ 1 << 31)] {
+            let wrong = Theatre { shining_at: other, ..plain().shining().drawn(draw) };
+            assert!(compare(&wrong, true, &list, &twins(&wrong, &list, true), &got).is_err());
+        }
+        let dark = plain().drawn(draw);
+        assert!(compare(&dark, true, &list, &twins(&dark, &list, true), &device.run(&plain(), &list)).is_ok());
+        assert!(compare(&dark, true, &list, &twins(&dark, &list, true), &got).is_err());
+        support::assert_clean(&device.context);
+    }
+    println!("{differing} bits of 24000 samples differ; what shines reaches {reached}");
+    assert!(differing * 1000 <= 24_000 && reached > 1000, "{differing} {reached}");
+}
+
+#[test]
+fn while_the_shutter_is_open_lights_are_seen_as_the_twin_sees_them() {
+    let mut differing = 0;
+    for seed in 0..4 {
+        let random = &mut Random::new(180 + seed);
+        let moving = || Theatre::moving(SIZE, &mut Random::new(190 + seed));
+        let device = Device::moving(Draw::random(random));
+        let seen = moving().drawn(device.draw.as_ref().unwrap());
+        let list = random_list(&seen, seed, 4000);
+        let got = device.run(&moving(), &list);
+        differing += compare(&seen, true, &list, &twins(&seen, &list, true), &got).unwrap();
+        // Negative controls: at the end of the frame, and with lights that stand still.
+        let mut still = moving();
+        still.lights.iter_mut().for_each(|light| light.moved = [0.0; 3]);
+        let still = still.drawn(device.draw.as_ref().unwrap());
+        let end = Theatre { time: 1.0, ..moving().drawn(device.draw.as_ref().unwrap()) };
+        for wrong in [still, end] {
+            assert!(compare(&wrong, true, &list, &twins(&wrong, &list, true), &got).is_err());
+        }
+        let closed = Theatre::new(SIZE);
+        assert!(device.run(&closed, &list) == Device::new(true).run(&closed, &list));
         support::assert_clean(&device.context);
     }
     println!("{differing} bits of 16000 samples differ");

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 use stillray::progress::Quiet;
 use stillray::renderer::{Fill, Method, Settings};
+use stillray::reproduce::coherence::{self, coherence};
 use stillray::reproduce::figures::{Figures, distributions, samplers, thickening};
 use stillray::reproduce::phases;
 use stillray::samples::SampleKind;
@@ -93,6 +94,22 @@ fn every_strategy_is_drawn_with_both_tilings() {
     };
     let errors = ["sobol", "sudoku", "random"].map(error);
     assert!(errors.iter().all(|e| *e > 0.0) && errors[0] < errors[2], "{markdown}");
+    rig.assert_clean();
+}
+
+#[test]
+fn what_rays_cost_is_drawn_over_what_makes_them_incoherent() {
+    let rig = Rig::new(load(coherence::SCENE));
+    let dir = tempfile::tempdir().unwrap();
+    let markdown = figure(&rig, dir.path(), coherence);
+    assert_eq!(
+        named(&markdown),
+        ["figures/thing-17.svg", "figures/thing-18.svg", "figures/thing-19.svg", "figures/thing-20.svg"]
+    );
+    assert!(named(&markdown).iter().all(|file| fs::read(dir.path().join(file)).unwrap().starts_with(b"<svg")));
+    // Larger luminaires change shadow rays and nothing else, at any size of picture.
+    let claim = markdown.lines().find(|line| line.contains("larger luminaires only affect shadow rays")).unwrap();
+    assert!(claim.ends_with("| the same | yes |"), "{claim}");
     rig.assert_clean();
 }
 

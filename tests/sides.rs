@@ -48,7 +48,7 @@ fn scene(placed: &[(u32, DAffine3)]) -> Scene {
         instances: (0..placed.len()).map(|i| Instance { node: i + 1, mesh: i }).collect(),
         nodes,
         materials: materials(),
-        cameras: vec![Camera { name: String::new(), node: 0, yfov: 1.0, lens: Lens::PINHOLE }],
+        cameras: vec![Camera { name: String::new(), node: 0, yfov: 1.0, lens: Lens::PINHOLE, shutter: 0.0 }],
         environment: Environment { radiance: SKY },
         ..Scene::default()
     }

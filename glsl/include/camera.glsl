@@ -77,9 +77,13 @@ bool project_within(
 }
 
 // Direction through a point of the frame, of length 1 along the viewing direction.
+vec3 axes_direction(vec4 right, vec4 up, vec3 forward, uvec2 size, vec2 pixel) {
+    vec2 ndc = pixel / vec2(size) * 2.0 - 1.0;
+    return forward + right.xyz * (ndc.x * right.w) - up.xyz * (ndc.y * up.w);
+}
+
 vec3 camera_direction(Frame frame, vec2 pixel) {
-    vec2 ndc = pixel / vec2(frame.size) * 2.0 - 1.0;
-    return frame.forward.xyz + frame.right.xyz * (ndc.x * frame.right.w) - frame.up.xyz * (ndc.y * frame.up.w);
+    return axes_direction(frame.right, frame.up, frame.forward.xyz, frame.size, pixel);
 }
 
 // The pixel that a projected point lies in. Rounding can put a point just inside the frustum on the frame's far edge.

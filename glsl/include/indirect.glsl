@@ -14,7 +14,8 @@ uint send_diffuse(Seen seen, uint slot, uint seed, vec3 weight, uint inside) {
     uvec2 bits = path_bits(seed, PAIR_DIFFUSE);
     vec2 u = vec2(unit_float(bits.x), unit_float(bits.y));
     vec3 direction = diffuse_direction(seen.surface.normal, seen.surface.geometric, u);
-    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, seen.surface.geometric)), path_number);
+    uint tag = RAY_INDIRECT << PATH_KIND | path_number;
+    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, seen.surface.geometric)), tag);
     path_directions.data[slot] = uvec4(floatBitsToUint(direction), path_scramble);
     path_weights.data[slot] = uvec4(floatBitsToUint(weight), inside);
     return PATH_REFLECTED;

@@ -18,11 +18,20 @@ struct Incident {
 // Irradiances are cut off here, so that what is multiplied with them later stays finite. It is far above what a half holds.
 const float IRRADIANCE_MAX = 1.1529215e18;  // 2^60
 
+#ifdef MOTION
+// A light at a time, part of the way from the last frame to this one. Its direction is this frame's.
+Light light_at_time(Light light, float time) {
+    precise vec3 position = light.position - light.moved * (1.0 - time);
+    light.position = position;
+    return light;
+}
+#endif
+
 #ifdef AREA
 // One point of a light that has an extent, as a light: the mean over all points is the light (paper 2, section 3.2). A lamp's
 // surface looks along its direction; the sun's is a disc or a rectangle in the sky.
 Light light_point(Light light, vec2 u) {
-    if (light.shape == LIGHT_SHARP) {
+    if (light.shape == LIGHT_SHARP || light.shape == LIGHT_MESH) {
         return light;
     }
     vec2 p = light.shape == LIGHT_DISC ? disc_point(u) : 2.0 * u - 1.0;

@@ -58,6 +58,15 @@ float transmission_at(Material material, Attributes at) {
     return passes;
 }
 
+// Emitted radiance.
+vec3 emission_at(Material material, Attributes at) {
+    vec3 emission = material.emissive;
+    if (has_texture(material.emissive_texture)) {
+        emission *= sample_texture(material.emissive_texture, at.uv0, at.uv1, true).rgb;
+    }
+    return emission;
+}
+
 // v as a unit vector, whatever its length; `otherwise` if it has no direction. Tested by its bits, see pack.glsl.
 vec3 unit_or(vec3 v, vec3 otherwise) {
     float size = max(max(abs(v.x), abs(v.y)), abs(v.z));
@@ -123,10 +132,7 @@ Surface surface_at(Material material, Instance instance, Vertex a, Vertex b, Ver
     }
     s.reflector.metallic = clamp(s.reflector.metallic, 0.0, 1.0);
     s.reflector.roughness = clamp(s.reflector.roughness, 0.0, 1.0);
-    s.emissive = material.emissive;
-    if (has_texture(material.emissive_texture)) {
-        s.emissive *= sample_texture(material.emissive_texture, at.uv0, at.uv1, true).rgb;
-    }
+    s.emissive = emission_at(material, at);
     s.occlusion = 1.0;
     if (has_texture(material.occlusion_texture)) {
         float open = sample_texture(material.occlusion_texture, at.uv0, at.uv1, false).r;

@@ -1,5 +1,5 @@
 // How paths go on from one surface to the next (paper 2, sections 3.3 and 3.5). Needs what radiance.glsl needs, and the bindings
-//   buffer .. { uvec4 data[]; } path_origins;     one a sample: origin of its ray, camera-relative; of diffuse paths the number
+//   buffer .. { uvec4 data[]; } path_origins;     one a sample: origin of its ray, camera-relative; its kind and number (path_tag)
 //   buffer .. { uvec4 data[]; } path_directions;  its unit direction; of diffuse paths the scrambling
 //   buffer .. { uvec4 data[]; } path_weights;     what its radiance counts for; what it is inside of
 //   buffer .. { uint data[]; } path_list;         two in turn, `capacity` samples each: see PathCounters
@@ -65,11 +65,13 @@ vec3 radiance_instead(Bounce next) {
 uint most_rays() {
     return frame.data.indirect;
 }
+
+// What a ray carries besides where it goes.
+uint path_tag(bool through) {
+    return RAY_INDIRECT << PATH_KIND | path_number | (path_mirrored || !through ? PATH_MIRRORED : 0u);
+}
 #else
-const uint PATH_MIRRORED = 0u;
-const uint path_number = 0u;
 const uint path_scramble = 0u;
-const bool path_mirrored = false;
 
 vec3 radiance_beyond(vec3 direction) {
     return sky_radiance(direction);
@@ -81,6 +83,10 @@ vec3 radiance_instead(Bounce next) {
 
 uint most_rays() {
     return frame.data.path_depth;
+}
+
+uint path_tag(bool through) {
+    return (through ? RAY_REFRACTED : RAY_REFLECTED) << PATH_KIND;
 }
 #endif
 
@@ -104,31 +110,33 @@ uint follow_path(Seen seen, uint slot, uint seed, uint step, vec3 throughput, ui
         return PATH_ENDS;
     }
     uint within = next.through && solid ? beyond : inside;
-    uint mirrored = path_mirrored || !next.through ? PATH_MIRRORED : 0u;
-    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, next.direction)), path_number | mirrored);
+    path_origins.data[slot] = uvec4(floatBitsToUint(offset_origin(seen.point, next.direction)), path_tag(next.through));
     path_directions.data[slot] = uvec4(floatBitsToUint(next.direction), path_scramble);
     path_weights.data[slot] = uvec4(floatBitsToUint(weight), within);
     return next.through ? PATH_REFRACTED : PATH_REFLECTED;
 }
 
-shared uint path_first[2];
+shared uint path_first[3];
 
-// Lists a sample's ray of a kind for a step. In a workgroup they are in the order of its threads.
-void list_path(uint thread, uint kind, uint step, uint slot) {
+// Lists a sample's ray of a kind for a step. In a workgroup they are in the order of its threads. `index` is the thread's in the list
+// of samples, or in this step's list where every sample has a thread; NO_PATH behind its end.
+void list_path(uint thread, uint index, uint kind, uint step, uint slot) {
     uint mine = kind == PATH_REFLECTED ? 1u : (kind == PATH_REFRACTED ? 0x10000u : 0u);
     uint before = exclusive_sum(thread, mine);
     if (thread == 63u) {
         uint all = before + mine;
         path_first[0] = atomicAdd(path_counters.data[step].reflected, all & 0xffffu);
         path_first[1] = atomicAdd(path_counters.data[step].refracted, all >> 16);
+        path_first[2] = atomicAdd(path_counters.data[step].listed, (all & 0xffffu) + (all >> 16));
     }
     barrier();
-    uint first = (step & 1u) * frame.data.capacity;
-    if (kind == PATH_REFLECTED) {
-        path_list.data[first + path_first[0] + (before & 0xffffu)] = slot;
-    }
-    if (kind == PATH_REFRACTED) {
-        path_list.data[first + frame.data.capacity - 1u - path_first[1] - (before >> 16)] = slot;
+    uvec2 behind = uvec2(before & 0xffffu, before >> 16);
+    uint at = kind == PATH_REFLECTED ? path_first[0] + behind.x : frame.data.capacity - 1u - path_first[1] - behind.y;
+    at = (frame.data.flags & FRAME_PATHS_MIXED) != 0u ? path_first[2] + behind.x + behind.y : at;
+    bool spread = (frame.data.flags & FRAME_PATHS_SPREAD) != 0u;
+    if (spread ? index != NO_PATH : kind != PATH_ENDS) {
+        uint first = (step & 1u) * frame.data.capacity;
+        path_list.data[first + (spread ? index : at)] = kind != PATH_ENDS ? slot : NO_PATH;
     }
 }
 

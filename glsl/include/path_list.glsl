@@ -3,16 +3,15 @@
 #ifndef STILLRAY_PATH_LIST
 #define STILLRAY_PATH_LIST
 
-const uint NO_PATH = 0xffffffffu;
-
 uint listed_path(uint step, uint index) {
     uint reflected = path_counters.data[step].reflected;
-    uint refracted = path_counters.data[step].refracted;
     uint first = (step & 1u) * frame.data.capacity;
-    if (index >= reflected + refracted) {
+    if (index >= path_counters.data[step].listed) {
         return NO_PATH;
     }
-    return path_list.data[first + (index < reflected ? index : frame.data.capacity - 1u - (index - reflected))];
+    bool by_kind = (frame.data.flags & (FRAME_PATHS_MIXED | FRAME_PATHS_SPREAD)) == 0u;
+    bool behind = by_kind && index >= reflected;
+    return path_list.data[first + (behind ? frame.data.capacity - 1u - (index - reflected) : index)];
 }
 
 #endif

@@ -1,10 +1,12 @@
-// Where a sample is, and where the picture shows it: through its own point of the lens, if the camera has an aperture. Needs
-// bindings `frame` and `instances`, with LENS `sampler_table`, with DEFORM `corners` and `rest`.
+// Where a sample is, and where the picture shows it: through its own point of the lens, if the camera has an aperture, and at
+// its own time, if the shutter is open for one. Needs bindings `frame` and `instances`, with LENS `sampler_table`, with DEFORM
+// `corners` and `rest`, with MOTION `previous_corners`.
 
 #ifndef STILLRAY_PLACE
 #define STILLRAY_PLACE
 
 #include "camera.glsl"
+#include "placement.glsl"
 #include "seed.glsl"
 
 // The axes of a camera, and its lens.
@@ -15,9 +17,30 @@ struct Eye {
     vec4 lens;
 };
 
+#ifdef MOTION
+// A sample has its time in the shutter's interval, as it has its place on the lens.
+float frame_time_of(uint seed) {
+    precise float time = 1.0 - frame.data.shutter * (1.0 - unit_float(sample_bits(seed, PAIR_TIME).x));
+    return time;
+}
+
+Eye eye_now() {
+    Eye eye = Eye(frame.data.right, frame.data.up, frame.data.forward.xyz, frame.data.lens);
+    if ((frame.data.flags & FRAME_TURNS) != 0u && frame_time < 1.0) {
+        blend_axes(frame.data.previous_right.xyz, frame.data.previous_forward.xyz, frame_time, eye.right.xyz, eye.forward);
+        precise vec3 up = eye.right.yzx * eye.forward.zxy - eye.right.zxy * eye.forward.yzx;
+        precise float wide = frame.data.previous_right.w + (eye.right.w - frame.data.previous_right.w) * frame_time;
+        precise float high = frame.data.previous_up.w + (eye.up.w - frame.data.previous_up.w) * frame_time;
+        eye.right.w = wide;
+        eye.up = vec4(up, high);
+    }
+    return eye;
+}
+#else
 Eye eye_now() {
     return Eye(frame.data.right, frame.data.up, frame.data.forward.xyz, frame.data.lens);
 }
+#endif
 
 Eye eye_before() {
     return Eye(frame.data.previous_right, frame.data.previous_up, frame.data.previous_forward.xyz, frame.data.previous_lens);
@@ -40,6 +63,9 @@ vec3 object_position(Sample s, uint id) {
     vec3 b;
     vec3 c;
     unpack_corners(corners.data[2u * p], corners.data[2u * p + 1u], rest.data[p], a, b, c);
+#ifdef MOTION
+    shape_at(instances.data[id].flags, uint(s.position.x), frame_time, a, b, c);
+#endif
     return triangle_point(a, b, c, s.position.y, s.position.z);
 }
 #else
@@ -53,7 +79,9 @@ vec3 relative_position(Sample s) {
     vec3 relative = s.position;
     if (is_surface(s)) {
         uint id = s.instance & INSTANCE_MASK;
-        relative = transform_point(instances.data[id].to_relative, object_position(s, id));
+        vec4 rows[3];
+        relative_rows(id, frame_time, rows);
+        relative = transform_point(rows, object_position(s, id));
     }
     return relative;
 }
@@ -72,13 +100,16 @@ vec2 lens_point(uint seed, vec4 lens) {
 // Where a sample's camera ray starts, relative to the middle of the lens, metres.
 vec3 ray_origin(uint seed) {
     vec2 p = lens_point(seed, frame.data.lens);
-    precise vec3 origin = frame.data.right.xyz * p.x + frame.data.up.xyz * p.y;
+    Eye eye = eye_now();
+    precise vec3 origin = eye.right.xyz * p.x + eye.up.xyz * p.y;
     return origin;
 }
 
 // The direction through a point of the frame: it leads to the same point in focus as the ray through the middle.
 vec3 ray_direction(vec2 pixel, vec3 origin) {
-    precise vec3 direction = camera_direction(frame.data, pixel) - origin * frame.data.lens.y;
+    Eye eye = eye_now();
+    precise vec3 direction =
+        axes_direction(eye.right, eye.up, eye.forward, frame.data.size, pixel) - origin * frame.data.lens.y;
     return direction;
 }
 

@@ -1,12 +1,15 @@
 // The radiance of what a ray has found, from light that comes straight from lights. Needs the bindings frame, instances, corners, rest,
 // triangles, vertices, materials, atlas, srgb and lights, with AREA or ENVIRONMENT also sampler_table, with ENVIRONMENT
-// environment_map, with MEDIUM medium. Twin: src/oracle/shade/kernel.rs.
+// environment_map, with MEDIUM medium, with MOTION previous_corners. Twin: src/oracle/shade/kernel.rs.
 
 #ifndef STILLRAY_RADIANCE
 #define STILLRAY_RADIANCE
 
 #include "brdf.glsl"
 #include "choice.glsl"
+#ifdef EMITTER
+#include "emitter.glsl"
+#endif
 #ifdef ENVIRONMENT
 #include "environment.glsl"
 #endif
@@ -29,13 +32,16 @@ struct Seen {
     uint material;
 };
 
-SurfacePoint point_of(Found f, Instance inst) {
+SurfacePoint point_of(Found f, Instance inst, Placement at) {
     vec3 a;
     vec3 b;
     vec3 c;
     uint p = f.primitive;
     unpack_corners(corners.data[2u * p], corners.data[2u * p + 1u], rest.data[p], a, b, c);
-    return surface_point(inst.to_relative, inst.to_object, a, b, c, f.u, f.v);
+#ifdef MOTION
+    shape_at(inst.flags, p - inst.triangle_base, frame_time, a, b, c);
+#endif
+    return surface_point(at, a, b, c, f.u, f.v);
 }
 
 // What was found, from a viewer at a camera-relative point.
@@ -44,7 +50,13 @@ Seen seen_from(vec3 viewer, Found f) {
     Triangle corner = triangles.data[f.primitive];
     Seen seen;
     seen.material = corner.material;
-    seen.point = point_of(f, inst);
+    Placement at = placement_at(f.instance, frame_time);
+    seen.point = point_of(f, inst, at);
+#ifdef MOTION
+    inst.to_relative = at.to_relative;
+    inst.to_object = at.to_object;
+    inst.flags = at.flags;
+#endif
     seen.view = unit_or(viewer - seen.point.position, seen.point.normal);
     seen.surface = surface_at(materials.data[corner.material], inst, vertices.data[corner.vertex0],
         vertices.data[corner.vertex1], vertices.data[corner.vertex2], f.u, f.v, seen.point.normal, seen.view);
@@ -106,10 +118,27 @@ vec3 beyond_radiance(vec3 direction) {
 }
 #endif
 
-// What shines by itself. A path that finds it brings it, for shining surfaces are not sampled as lights are.
+// What shines by itself. Where that is sampled as a light, a diffuse path brings it only by way of a reflection: where light was
+// scattered a shadow ray has asked for it, straight through what transmits.
 vec3 emission(Surface s) {
+#if defined(EMITTER) && defined(DIFFUSE) && !defined(AT_CAMERA)
+    bool is_light = (frame.data.flags & FRAME_EMITTERS) != 0u;
+    return is_light && !path_mirrored ? vec3(0.0) : s.emissive;
+#else
     return s.emissive;
+#endif
 }
+
+#ifdef EMITTER
+// The sample's point of what shines. A ray that the lobe is followed by finds what shines by itself.
+Light emitter_light(Light light, uint seed, vec2 at, vec3 receiver) {
+    Emitter e = draw_emitter(light, at, seed_bits(seed, PAIR_CHOICE).y, receiver);
+    Triangle t = triangles.data[e.primitive];
+    Attributes there = attributes_at(vertices.data[t.vertex0], vertices.data[t.vertex1], vertices.data[t.vertex2], e.weights.x, e.weights.y);
+    e.light.intensity = min(emission_at(materials.data[t.material], there) * e.light.intensity, vec3(INTENSITY_MAX));
+    return e.light;
+}
+#endif
 
 // Towards the viewer; `lit_bits` are the lights that reach it, `rays` says that its lobe is followed by a ray, `diffuse` that
 // what it scatters of the surroundings is.
@@ -128,15 +157,26 @@ vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays, bool diffuse) {
 #endif
     for (uint i = 0u; i < frame.data.light_count; ++i) {
         if ((lit_bits >> i & 1u) != 0u) {
-#ifdef AREA
-            Incident incident = light_at(light_point(lights.data[i], at), seen.point.position);
-#else
-            Incident incident = light_at(lights.data[i], seen.point.position);
+            Light light = lights.data[i];
+#ifdef MOTION
+            light = light_at_time(light, frame_time);
 #endif
+#ifdef AREA
+            light = light_point(light, at);
+#endif
+#ifdef EMITTER
+            bool shines = light.shape == LIGHT_MESH;
+            if (shines) {
+                light = emitter_light(light, seed, at, seen.point.position);
+            }
+#else
+            const bool shines = false;
+#endif
+            Incident incident = light_at(light, seen.point.position);
 #ifdef MEDIUM
             incident.irradiance *= left_of_light(seen.point.position, incident.direction, incident.distance);
 #endif
-            vec3 part = both(from_light(seen, incident.direction));
+            vec3 part = but_for_rays(from_light(seen, incident.direction), rays && shines);
             radiance += part * (incident.irradiance * weight);
         }
     }

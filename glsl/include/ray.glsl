@@ -86,6 +86,16 @@ vec3 transform_magnitude(vec4 rows[3], vec3 p, float translation) {
         dot(abs(rows[2].xyz), p) + translation * abs(rows[2].w));
 }
 
+// Where an instance is. Rows of 3x4 matrices.
+struct Placement {
+    vec4 to_relative[3];  // object to camera-relative space
+    vec4 to_object[3];    // its inverse
+#ifdef MOTION
+    vec4 slack[3];  // bound on what to_object was computed wrong by, times 2^24; 0 where the host inverted
+    uint flags;     // INSTANCE_*; of where it is
+#endif
+};
+
 // A point on a triangle of an instance.
 struct SurfacePoint {
     vec3 object;      // object space: what a Sample keeps
@@ -117,7 +127,9 @@ struct SurfacePoint {
 //
 // Another instance whose surface meets this one goes through its own transform. If it is rigid or scaled along its
 // axes, |A| |R| has rows that sum to 3 at most, and its error is 3 * 5 u (|x| + |c|), with |c| of the order of |x|: 30 u |x|.
-SurfacePoint surface_point(vec4 to_relative[3], vec4 to_object[3], vec3 v0, vec3 v1, vec3 v2, float u, float v) {
+//
+// A to_object that a shader computed is off by `slack` on top (motion.glsl), which goes with |A| |p| + |c| too: d3 gets slack S.
+SurfacePoint surface_point(Placement at, vec3 v0, vec3 v1, vec3 v2, float u, float v) {
     precise vec3 e1 = v1 - v0;
     precise vec3 e2 = v2 - v0;
     precise vec3 a = u * e1;
@@ -127,15 +139,18 @@ SurfacePoint surface_point(vec4 to_relative[3], vec4 to_object[3], vec3 v0, vec3
     vec3 right = e1.zxy * e2.yzx;
     vec3 n = left - right;
     vec3 across = abs(a) + abs(b);
-    vec3 reach = transform_magnitude(to_relative, abs(p), 1.0);
-    vec3 lost = UNIT_ROUNDOFF * (4.0 * across + abs(p) + 11.0 * transform_magnitude(to_object, reach, 0.0)
-        + 5.0 * abs(vec3(to_object[0].w, to_object[1].w, to_object[2].w)));
+    vec3 reach = transform_magnitude(at.to_relative, abs(p), 1.0);
+    vec3 lost = UNIT_ROUNDOFF * (4.0 * across + abs(p) + 11.0 * transform_magnitude(at.to_object, reach, 0.0)
+        + 5.0 * abs(vec3(at.to_object[0].w, at.to_object[1].w, at.to_object[2].w)));
+#ifdef MOTION
+    lost += UNIT_ROUNDOFF * transform_magnitude(at.slack, reach, 0.0);
+#endif
     float height = dot(abs(n), lost) + 10.0 * UNIT_ROUNDOFF * dot(abs(left) + abs(right), across);
-    vec3 normal = n.x * to_object[0].xyz + n.y * to_object[1].xyz + n.z * to_object[2].xyz;
+    vec3 normal = n.x * at.to_object[0].xyz + n.y * at.to_object[1].xyz + n.z * at.to_object[2].xyz;
 
     SurfacePoint point;
     point.object = p;
-    point.position = transform_point(to_relative, p);
+    point.position = transform_point(at.to_relative, p);
     float others = 30.0 * UNIT_ROUNDOFF * largest_component(reach);
     // Scaled first: the square of a small triangle's normal would vanish.
     float size = largest_component(abs(normal));
@@ -145,8 +160,20 @@ SurfacePoint surface_point(vec4 to_relative[3], vec4 to_object[3], vec3 v0, vec3
     point.normal = unscaled / stretch;
     point.clearance = others + (flat_enough ? 2.0 * height / (size * stretch) : 0.0);
     point.error = UNIT_ROUNDOFF * largest_component(
-        transform_magnitude(to_relative, 4.0 * across + abs(p), 0.0) + 5.0 * reach);
+        transform_magnitude(at.to_relative, 4.0 * across + abs(p), 0.0) + 5.0 * reach);
     return point;
+}
+
+// Of an instance whose matrices the host made.
+SurfacePoint surface_point(vec4 to_relative[3], vec4 to_object[3], vec3 v0, vec3 v1, vec3 v2, float u, float v) {
+    Placement at;
+    at.to_relative = to_relative;
+    at.to_object = to_object;
+#ifdef MOTION
+    at.slack = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0));
+    at.flags = 0u;
+#endif
+    return surface_point(at, v0, v1, v2, u, v);
 }
 
 // Where a ray leaves the surface into `direction`: on the side that the direction points to.

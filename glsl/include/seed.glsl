@@ -12,20 +12,19 @@ uint new_seed(uvec2 pixel, uint number) {
     return pixel.x | (pixel.y << 14) | (number << 28);
 }
 
-#if defined(LENS) || defined(AREA) || defined(ENVIRONMENT) || defined(PATH)
+#if defined(LENS) || defined(AREA) || defined(ENVIRONMENT) || defined(PATH) || defined(MOTION)
 #include "sampler.glsl"
 
 // Pairs of dimensions of a path; 0 is the place in the pixel.
 const uint PAIR_LENS = 1u;
+const uint PAIR_TIME = 2u;
 const uint PAIR_LIGHT = 3u;
 const uint PAIR_ENVIRONMENT = 5u;
 const uint PAIR_LOBE = 4u;
-const uint PAIR_CHOICE = 6u;
+const uint PAIR_CHOICE = 6u;  // which lobe, and which triangle that shines
 
 #ifdef DIFFUSE
 const uint PAIR_DIFFUSE = 0u;  // a diffuse path's directions: pair 0 is free behind the camera
-const uint PATH_MIRRORED = 0x80000000u;  // beside a path's number: it was reflected since a surface scattered it
-
 // Of the diffuse path that the thread is about: its number among those of its sample, what tells the sample from others, and
 // whether it was reflected since a surface scattered it.
 uint path_number = 0u;
@@ -33,10 +32,10 @@ uint path_scramble = 0u;
 bool path_mirrored = false;
 
 // As a ray carries them.
-void resume_path(uint number, uint scramble) {
-    path_number = number & ~PATH_MIRRORED;
+void resume_path(uint tag, uint scramble) {
+    path_number = tag & PATH_NUMBER;
     path_scramble = scramble;
-    path_mirrored = (number & PATH_MIRRORED) != 0u;
+    path_mirrored = (tag & PATH_MIRRORED) != 0u;
 }
 
 // A step of it: another scrambling, of order (Burley 2020) and of values.
@@ -52,13 +51,18 @@ uvec2 path_bits(uint seed, uint pair) {
 }
 #endif
 
-// A pair of coordinates, 2^32 to one.
+// A pair of a sample's own coordinates, 2^32 to one.
+uvec2 sample_bits(uint seed, uint pair) {
+    uvec2 pixel = uvec2(seed & 16383u, (seed >> 14) & 16383u);
+    return sampler_pair(pixel, (seed >> 28) + 16u * frame.data.variation, pair);
+}
+
+// The same where a path is: behind the camera diffuse paths have coordinates of their own.
 uvec2 seed_bits(uint seed, uint pair) {
 #if defined(DIFFUSE) && !defined(AT_CAMERA)
     return path_bits(seed, pair);
 #else
-    uvec2 pixel = uvec2(seed & 16383u, (seed >> 14) & 16383u);
-    return sampler_pair(pixel, (seed >> 28) + 16u * frame.data.variation, pair);
+    return sample_bits(seed, pair);
 #endif
 }
 

@@ -15,11 +15,14 @@
 //   bool is_one_sided(uint primitive)
 // and triangles that are one-sided are not met from behind (glTF 2.0, section 3.9.8).
 //
+// With MOTION defined, it includes placement.glsl and sets `frame_time`, when the ray is: instances are met where they are then.
+//
 // Call traverse() from one place: a second call is a second copy of its loops for the driver's compiler.
 
 #ifndef STILLRAY_TRAVERSE
 #define STILLRAY_TRAVERSE
 
+#include "count.glsl"
 #include "intersect.glsl"
 
 // What a ray found.
@@ -60,6 +63,7 @@ bool is_better(Intersection best, float t, uint instance, uint primitive) {
 // As primitives: bits 0..23. What is put off is pushed as one of both kinds, at most one entry a level, and two more where
 // an instance is entered: accel/ keeps the sum of the depths below TRAVERSAL_STACK.
 Intersection traverse(vec3 origin, vec3 direction, float tmax) {
+    count_ray();
     const uint WORLD = 0xffffffffu;
     uvec2 stack[TRAVERSAL_STACK];
     uint stacked = 0u;
@@ -67,6 +71,9 @@ Intersection traverse(vec3 origin, vec3 direction, float tmax) {
     uint instance = 0u;
     uint node_base = 0u;
     uint triangle_base = 0u;
+#ifdef MOTION
+    uint shape = 0u;  // the instance's flags
+#endif
     Intersection best = Intersection(0u, 0u, 0.0, 0.0, tmax);
     bool found = false;
     uvec2 group = uvec2(0u, in_range(origin, direction) ? 0x80000000u : 0u);
@@ -81,6 +88,7 @@ Intersection traverse(vec3 origin, vec3 direction, float tmax) {
             uint node = 5u * (node_base + group.x + bitCount(inner & ((1u << child) - 1u)));
             group.y &= ~(1u << bit);
             if (group.y > 0x00ffffffu && stacked < TRAVERSAL_STACK) stack[stacked++] = group;
+            count_node();
             uvec4 head = nodes.data[node];
             uvec4 refs = nodes.data[node + 1u];
             uint hits = hit_children(head, refs, nodes.data[node + 2u], nodes.data[node + 3u], nodes.data[node + 4u], ray, best.t);
@@ -101,7 +109,11 @@ Intersection traverse(vec3 origin, vec3 direction, float tmax) {
                 break;
             }
             uint primitive = triangle_base + slot;
+            count_triangle(instance, primitive);
             Corners corner = load_corners(primitive);
+#ifdef MOTION
+            shape_at(shape, slot, frame_time, corner.v0, corner.v1, corner.v2);
+#endif
             TriangleHit hit;
             if (hit_triangle(ray, corner.v0, corner.v1, corner.v2, hit) && is_better(best, hit.t, instance, primitive)) {
 #ifdef CULL_BACK
@@ -128,8 +140,15 @@ Intersection traverse(vec3 origin, vec3 direction, float tmax) {
             entered = stacked;
             node_base = instances.data[instance].node_base;
             triangle_base = instances.data[instance].triangle_base;
+#ifdef MOTION
+            shape = instances.data[instance].flags;
+            Placement at = placement_at(instance, frame_time);
+            vec3 o = transform_point(at.to_object, origin);
+            vec3 d = transform_direction(at.to_object, direction);
+#else
             vec3 o = transform_point(instances.data[instance].to_object, origin);
             vec3 d = transform_direction(instances.data[instance].to_object, direction);
+#endif
             bool usable = in_range(o, d);
             ray = make_ray(o, usable ? d : vec3(1.0));
             group = uvec2(0u, usable ? 0x80000000u : 0u);

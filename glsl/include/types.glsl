@@ -16,12 +16,19 @@ const uint MODEL_LENS = 16u;   // the camera has an aperture
 const uint MODEL_AREA = 32u;   // some light has an extent
 const uint MODEL_ENVIRONMENT = 64u;  // light comes from all around as a map says
 const uint MODEL_DEFORM = 128u;  // some mesh deforms
+const uint MODEL_MOTION = 256u;  // the camera's shutter is open for a while
+// MODEL_MOTION brings LENS DEFORM SEED
+const uint MODEL_EMITTER = 8192u;  // triangles that shine are sampled as lights
+// MODEL_EMITTER brings LENS AREA ENVIRONMENT DEFORM SEED
 const uint MODEL_PATH = 1024u;  // paths go on behind what the camera sees: reflections, refraction
 // MODEL_PATH brings SEED AREA ENVIRONMENT
 const uint MODEL_INDIRECT = 2048u;  // samples gather what diffuse paths bring
 // MODEL_INDIRECT brings PATH SEED AREA ENVIRONMENT
 const uint MODEL_MEDIUM = 512u;  // there is fog or mist
 // MODEL_MEDIUM brings LENS AREA DEFORM ENVIRONMENT SEED
+const uint MODEL_COUNT = 16384u;  // what rays cost is counted
+// With everything else, so that each kernel that traces has one variant more and not twice as many.
+// MODEL_COUNT brings ALPHA LENS AREA ENVIRONMENT DEFORM PATH MEDIUM SEED MOTION EMITTER
 
 // A cached sample: 16 bytes (paper 1, section 5).
 struct Sample {
@@ -92,6 +99,7 @@ struct Instance {
 const uint INSTANCE_FLIPPED = 1u;  // the transform's determinant is negative
 const uint INSTANCE_ALPHA = 2u;    // some material of the mesh has an alpha mask or blend, or lets light through
 const uint INSTANCE_DEFORMS = 4u;  // the mesh is another one in each frame
+const uint INSTANCE_MOVES = 8u;    // it is elsewhere at other times of the frame: between `previous` and `to_relative`
 const uint INSTANCE_SHAPE_SHIFT = 4u;  // of an instance that deforms, the bits from here on: its first triangle in `previous_corners`
 const uint SHAPE_TRIANGLES = 16777216u;  // that a mesh which deforms may have: slots are told as floats
 
@@ -158,23 +166,32 @@ struct Light {
     vec3 right;         // half its extent across: metres; of a directional light the tangent of its angular radius
     float spot_offset;  // -cos outer * spot_scale
     vec3 up;            // the same along its other axis
-    uint shape;         // LIGHT_SHARP, LIGHT_RECTANGLE or LIGHT_DISC
+    uint shape;         // LIGHT_SHARP, LIGHT_RECTANGLE, LIGHT_DISC or LIGHT_MESH
+    vec3 moved;         // metres that the position moved relative to the camera since the last frame
+    uint padding0;
 };
 
 const uint LIGHT_SHARP = 0u;  // no extent
 const uint LIGHT_RECTANGLE = 1u;
 const uint LIGHT_DISC = 2u;
+const uint LIGHT_MESH = 3u;  // all triangles that shine: emitter.glsl
 
 const uint LIGHT_POINT = 0u;
 const uint LIGHT_SPOT = 1u;
 const uint LIGHT_DIRECTIONAL = 2u;
 
-// The map of light from all around, in words: a header of four (width, height, turn as the bits of a float, first word of the
-// blurred map; a width of 0: there is none), four for each row and for the end (sin^2 and cos^2 of half the angle from the zenith
+// The map of light from all around, in words: a header of six (width, height, turn as the bits of a float, first word of the
+// blurred map; a width of 0: there is none; first word and number of the triangles that shine), four for each row and for the end (sin^2 and cos^2 of half the angle from the zenith
 // to its upper edge, solid angle of each of its texels in steradians, as the bits of floats; chance of the rows above,
 // ENVIRONMENT_ONE to one), for each row a word a texel and for the end (chance of the texels to its left), and three floats a
-// texel; then the same map, small and blurred, three floats a texel.
-const uint ENVIRONMENT_HEADER = 4u;
+// texel; then the same map, small and blurred, three floats a texel. Whether there is a map or not, triangles that shine follow, five
+// words each: instance and EMITTER_TWO_SIDED, triangle slot, chance that a draw stays with it (2^32 to one), the row that it goes to
+// otherwise, and one over the chance with which it is drawn, as the bits of a float.
+const uint ENVIRONMENT_HEADER = 6u;
+const uint EMITTER_TABLE = 4u;  // where the header tells of them
+const uint EMITTER_COUNT = 5u;
+const uint EMITTER_WORDS = 5u;
+const uint EMITTER_TWO_SIDED = 0x80000000u;
 const uint ENVIRONMENT_ROW = 4u;
 const uint ENVIRONMENT_BLURRED_WIDTH = 32u;
 const uint ENVIRONMENT_BLURRED_HEIGHT = 16u;
@@ -214,19 +231,53 @@ struct Counters {
 };
 
 // The secondary rays of one step of all paths: those that are reflected are listed from the front of a list, those that are refracted from
-// its back, so that rays of a kind are traced together (paper 2, section 3).
+// its back, so that rays of a kind are traced together (paper 2, section 3). See FRAME_PATHS_MIXED and FRAME_PATHS_SPREAD.
 struct PathCounters {
     uint trace_x;  // workgroups over the list, for vkCmdDispatchIndirect
     uint trace_y;
     uint trace_z;
     uint reflected;
     uint refracted;
+    uint listed;   // entries of the list
     uint padding0;
     uint padding1;
-    uint padding2;
 };
 
 const uint PATH_STEPS = 8u;  // of a path at most
+const uint NO_PATH = 0xffffffffu;  // in the list of a step: a sample that has no ray in it
+
+// Kinds of rays, where they are counted.
+const uint RAY_CAMERA = 0u;
+const uint RAY_SHADOW = 1u;     // from surfaces
+const uint RAY_REFLECTED = 2u;
+const uint RAY_REFRACTED = 3u;
+const uint RAY_MARCH = 4u;      // from points of a march through a medium, to a light
+const uint RAY_INDIRECT = 5u;   // of diffuse paths
+const uint RAY_KINDS = 6u;
+
+const uint PACKET_THREADS = 16u;  // threads of a packet, where rays are counted
+
+// What a ray of a path carries beside its origin: the number of a diffuse path among those of its sample, the ray's kind, and
+// whether a diffuse path was reflected since a surface scattered it.
+const uint PATH_NUMBER = 0x0fffffffu;
+const uint PATH_KIND = 28u;  // shift
+const uint PATH_KINDS = 7u;
+const uint PATH_MIRRORED = 0x80000000u;
+
+// What the rays of one kind have cost in a frame. Each count is 64 bits: its low word, then its high one.
+struct RayCosts {
+    uint rays[2];
+    uint nodes[2];             // visited
+    uint triangles[2];         // tested
+    uint held[2];              // nodes that the threads of their packets had time for: in each packet 16 times those of the slowest
+    uint packets[2];           // by the kind of their slowest ray
+    uint packet_triangles[2];  // different ones that the rays of a packet tested, summed over packets
+};
+
+struct Traversals {
+    RayCosts kinds[6];  // RAY_KINDS
+    uint march_steps[2];
+};
 
 // Constants of a frame.
 struct Frame {
@@ -262,6 +313,10 @@ struct Frame {
     float indirect_alpha;  // least weight of the newest path in its sample's mean while something moves
     uint indirect_count;   // paths that a mean counts for at most while something moves
     float indirect_clamp;  // radiance that a path brings at most; 0: no limit
+    float shutter;         // part of the time from the last frame to this one for which the shutter is open, at its end: 0..1
+    uint padding0;
+    uint padding1;
+    uint padding2;
 };
 
 const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut
@@ -269,7 +324,11 @@ const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sa
 const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hidden samples too
 const uint FRAME_NEAREST = 8u;  // textures are not filtered
 const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
+const uint FRAME_EMITTERS = 2048u;  // what shines is sampled as a light
 const uint FRAME_LIT_ALIKE = 1024u;  // nothing has moved for long that light falls on or comes from
+const uint FRAME_PATHS_MIXED = 256u;  // secondary rays are listed in the order of samples, whatever their kind
+const uint FRAME_PATHS_SPREAD = 512u;  // every sample has a thread in every step of paths, whether it has a ray or not
+const uint FRAME_TURNS = 64u;  // the camera's axes move while the shutter is open
 const uint FRAME_FILL = 32u;  // pixels have a second run of samples, which a fill has added behind the list
 
 // A participating medium in a frame: see scene/medium.rs.

@@ -13,12 +13,14 @@ mod balanced;
 mod bvh;
 mod cluster;
 pub(crate) mod encode;
+mod moving;
 mod nodes;
 mod place;
 mod refit;
 mod tlas;
 
 pub use encode::{color as encode_color, normal as encode_normal, tangent as encode_tangent, vertex as encode_vertex};
+pub use moving::mark_moving;
 pub use obvhs::BvhBuildParams;
 pub use place::{is_placed, place};
 pub use refit::RefitOutcome;

@@ -10,6 +10,7 @@ use super::nodes::{Extent, encode_planes};
 use super::{Bounds, Geometry, MESH_DEPTH, MeshRecord, bvh, encode_normal, encode_tangent, in_bounds, pack, unpack};
 use crate::scene::deform::Deformed;
 use crate::{Error, Result};
+use glam::Vec3;
 
 /// Triangles or vertices that one thread takes at a time.
 const CHUNK: usize = 1024;
@@ -51,8 +52,22 @@ impl Geometry {
     /// [`Error::Scene`] if there is no such mesh, `shape` is not one of it, or a position is beyond
     /// [`super::MAX_COORDINATE`] or not finite (none of [`crate::scene::deform::deform`] is). Nothing is changed then.
     pub fn refit(&mut self, mesh: usize, shape: &Deformed) -> Result<RefitOutcome> {
+        self.refit_between(mesh, shape, None)
+    }
+
+    /// As [`Geometry::refit`], with boxes that bound the triangles on all of their way, along straight lines, from where their
+    /// vertices were `before`: what a shutter sees that is open for a while.
+    ///
+    /// # Errors
+    /// As [`Geometry::refit`]; for `before` too.
+    pub fn refit_between(&mut self, mesh: usize, shape: &Deformed, before: Option<&[Vec3]>) -> Result<RefitOutcome> {
         let record = self.checked(mesh, shape)?;
-        Ok(self.fit(mesh, &record, shape, false))
+        let fits = |p: &[Vec3]| p.len() == record.vertex_count as usize && p.iter().all(|p| in_bounds(*p));
+        if !before.is_none_or(fits) {
+            let message = "was deformed out of range, or is another mesh: begin anew".to_owned();
+            return Err(Error::Scene { path: format!("mesh {mesh}").into(), message });
+        }
+        Ok(self.fit(mesh, &record, (shape, before), false))
     }
 
     /// As [`Geometry::refit`], with a tree that is built anew over the deformed triangles, which takes about fifteen times as
@@ -84,7 +99,7 @@ impl Geometry {
         let (used, spare) = self.nodes[nodes].split_at_mut(tree.nodes.len());
         used.copy_from_slice(bytemuck::cast_slice(&tree.nodes));
         spare.fill([0; 20]);
-        Ok(Some(self.fit(mesh, &record, shape, true)))
+        Ok(Some(self.fit(mesh, &record, (shape, None), true)))
     }
 
     fn checked(&self, mesh: usize, shape: &Deformed) -> Result<MeshRecord> {
@@ -101,10 +116,16 @@ impl Geometry {
         }
     }
 
-    fn fit(&mut self, mesh: usize, record: &MeshRecord, shape: &Deformed, rebuilt: bool) -> RefitOutcome {
+    fn fit(
+        &mut self,
+        mesh: usize,
+        record: &MeshRecord,
+        (shape, before): (&Deformed, Option<&[Vec3]>),
+        rebuilt: bool,
+    ) -> RefitOutcome {
         self.move_triangles(record, shape);
         self.turn_vertices(record, shape);
-        let extent = self.fit_boxes(record);
+        let extent = self.fit_boxes(record, before);
         let bounds = extent.map_or(Bounds::EMPTY, |e| e.bounds);
         let cost = extent.map_or(1.0, |e| e.cost());
         self.meshes[mesh].bounds = bounds;
@@ -143,12 +164,27 @@ impl Geometry {
         });
     }
 
-    fn fit_boxes(&mut self, record: &MeshRecord) -> Option<Extent> {
+    fn fit_boxes(&mut self, record: &MeshRecord, before: Option<&[Vec3]>) -> Option<Extent> {
         let slots = range(record.first_triangle, record.triangle_count);
         let (corners, rest) = (&self.triangle_corners[slots.clone()], &self.triangle_rest[slots]);
         let nodes: &mut [CwBvhNode] = bytemuck::cast_slice_mut(&mut self.nodes[nodes_of(record)]);
-        encode_planes(nodes, &|slot| Bounds::of(unpack(corners[slot as usize], rest[slot as usize])))
+        let triangles = &self.triangles[range(record.first_triangle, record.triangle_count)];
+        encode_planes(nodes, &|slot| {
+            let bounds = Bounds::of(unpack(corners[slot as usize], rest[slot as usize]));
+            let Some(before) = before else { return bounds };
+            let t = triangles[slot as usize];
+            let corners = [t.vertex0, t.vertex1, t.vertex2].map(|v| before[(v - record.first_vertex) as usize]);
+            swept(bounds, Bounds::of(corners))
+        })
     }
+}
+
+/// A box around all that lies between two: a shader's blend is off by 3 u of both (motion.glsl), and this sum by as much.
+fn swept(now: Bounds, before: Bounds) -> Bounds {
+    let most = |b: Bounds| b.min.abs().max(b.max.abs());
+    let off = (most(now) + most(before)) * (8.0 / 16_777_216.0);
+    let all = now.union(before);
+    Bounds { min: all.min - off, max: all.max + off }
 }
 
 fn nodes_of(record: &MeshRecord) -> Range<usize> {

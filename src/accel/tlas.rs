@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3, Vec3};
 use obvhs::BvhBuildParams;
 
+use super::moving::INVERSE_LIMIT;
 use super::{Bounds, Geometry, Node, TOP_DEPTH, bvh, is_placed};
 use crate::shaders;
 
@@ -37,6 +38,12 @@ impl Tlas {
     /// Builds the tree over the frame's instances (one a scene instance, from [`super::place`]) and writes the leaf order
     /// into their `leaf` members. Takes about a millisecond for a thousand instances.
     pub fn rebuild(&mut self, geometry: &Geometry, instances: &mut [shaders::Instance]) {
+        self.rebuild_over(geometry, instances, 0.0);
+    }
+
+    /// As [`Tlas::rebuild`], for all the time that a shutter is open: the part of the frame's, 0..=1. What moves
+    /// ([`super::mark_moving`]) has a box around all of its way.
+    pub fn rebuild_over(&mut self, geometry: &Geometry, instances: &mut [shaders::Instance], shutter: f64) {
         self.boxes.clear();
         self.members.clear();
         self.left_out = 0;
@@ -45,7 +52,7 @@ impl Tlas {
             if bounds.is_empty() {
                 continue;
             }
-            match relative_bounds(instance, bounds) {
+            match swept_bounds(instance, bounds, shutter) {
                 Some(bounds) => {
                     self.boxes.push(bounds);
                     self.members.push(i as u32);
@@ -95,6 +102,32 @@ fn relative_bounds(instance: &shaders::Instance, bounds: Bounds) -> Option<Bound
     let (min, max) = (center - half, center + half);
     let inside = (center.abs() + half).max_element() <= RANGE;
     inside.then(|| Bounds { min: outward(min, f32::next_down), max: outward(max, f32::next_up) })
+}
+
+/// The same over all the time that the shutter is open. Vertices go along straight lines, so that the boxes at both ends bound
+/// them; what the blend and the inverse that a shader makes are off by is told in motion.glsl: the former 3 u of both ends'
+/// sizes, the latter, with L what `D |A| G` is limited to and x the farthest point, 16 u L |x|, and the ray's transform
+/// 8 u L |x| + 4 u L |x|, for |A| |R| is within L too. With the doubling of the static box: 32 u (L + 1) |x|.
+fn swept_bounds(instance: &shaders::Instance, bounds: Bounds, shutter: f64) -> Option<Bounds> {
+    let now = relative_bounds(instance, bounds)?;
+    if instance.flags & shaders::INSTANCE_MOVES == 0 {
+        return Some(now);
+    }
+    let [(linear, translation), (before, from)] = [matrix(&instance.to_relative), matrix(&instance.previous)];
+    let open = (before * shutter + linear * (1.0 - shutter), from * shutter + translation * (1.0 - shutter));
+    let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    let ends = [(linear, translation), open].map(|(linear, translation)| {
+        (linear * ((min + max) * 0.5) + translation, absolute(linear) * ((max - min) * 0.5))
+    });
+    let farthest = |(center, half): (DVec3, DVec3)| (center.abs() + half).max_element();
+    // The blend's error goes with both frames' matrices, whatever the shutter.
+    let sizes = (absolute(before) + absolute(linear)) * min.abs().max(max.abs()) + from.abs() + translation.abs();
+    let off = 32.0 * U * (INVERSE_LIMIT + 1.0) * ends.map(farthest).into_iter().fold(0.0, f64::max)
+        + 4.0 * U * sizes.max_element();
+    let low = (ends[0].0 - ends[0].1).min(ends[1].0 - ends[1].1) - off;
+    let high = (ends[0].0 + ends[0].1).max(ends[1].0 + ends[1].1) + off;
+    let inside = low.abs().max(high.abs()).max_element() <= RANGE;
+    inside.then(|| Bounds { min: outward(low, f32::next_down), max: outward(high, f32::next_up) }.union(now))
 }
 
 /// Rounding to nearest moves by half a unit in the last place, a step outward by a whole one.

@@ -66,6 +66,9 @@ pub struct Optics {
     /// Straight edges of the aperture, from 3 to 16, or 0 for a round one [default: the camera's]
     #[arg(long, value_name = "N", value_parser = blades, allow_negative_numbers = true)]
     pub blades: Option<u32>,
+    /// Part of the time between frames for which the shutter is open, from 0 (nothing blurs) to 1 [default: the camera's]
+    #[arg(long, value_name = "F", value_parser = ranged(0.0, 1.0), allow_negative_numbers = true)]
+    pub shutter: Option<f64>,
 }
 
 impl Optics {

@@ -37,6 +37,9 @@ pub struct Bench {
     /// Frames to render before, from 0 to 100000, beside the first one
     #[arg(long, value_name = "N", default_value = "4", value_parser = counted(0, 100_000), allow_negative_numbers = true)]
     warmup: u32,
+    /// Count what rays cost, in a second run of each frame that is not timed
+    #[arg(long)]
+    count: bool,
     /// How the camera moves
     #[arg(long, value_name = "NAME", default_value = "rotate", value_parser = motion())]
     motion: Motion,
@@ -46,6 +49,8 @@ pub struct Bench {
 struct Runner {
     contender: Contender,
     session: Session,
+    /// Renders the same frames, and counts.
+    counting: Option<Session>,
     /// Bytes that the session took.
     memory: u64,
     first_frame_ms: f64,
@@ -112,9 +117,12 @@ impl Bench {
         let before = allocated(device);
         let session = Session::new(device, scene, &settings)?;
         let memory = allocated(device).saturating_sub(before);
+        let counted = Settings { count: true, ..settings.clone() };
+        let counting = self.count.then(|| Session::new(device, scene, &counted)).transpose()?;
         Ok(Runner {
             contender: contender.clone(),
             session,
+            counting,
             memory,
             first_frame_ms: 0.0,
             collector: Collector::default(),
@@ -132,6 +140,12 @@ impl Bench {
                 runner.first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
             } else if index > self.warmup {
                 runner.collector.add(stats, &runner.session.phase_times());
+            }
+            if let Some(session) = &mut runner.counting {
+                let stats = session.frame(&inputs)?;
+                if index > self.warmup {
+                    runner.collector.count(&stats);
+                }
             }
         }
         Ok(())

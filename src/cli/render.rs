@@ -9,14 +9,14 @@ use clap::{ArgAction, Args};
 use serde::Serialize;
 use stillray::Error;
 use stillray::headless::{Device, DeviceReport, LoadedScene, MemoryRow, Session};
-use stillray::renderer::{Aov, FrameInputs, FrameStats, Method, PhaseTime, Settings};
+use stillray::renderer::{Aov, FrameInputs, FrameStats, Method, PhaseTime, RayCosts, Settings};
 use stillray::report::apng::Animation;
 use stillray::report::bench::{Build, percent, reprojected_shares};
 use stillray::report::openexr::Exr;
 use stillray::report::png::Picture;
 use stillray::report::statistics::{Summary, mean};
 use stillray::report::table::grouped;
-use stillray::report::{file, json};
+use stillray::report::{costs, file, json};
 use stillray::scene::motion::Motion;
 use stillray::settings::knob::{KNOBS, Knob, Value};
 
@@ -73,6 +73,9 @@ pub struct Render {
     /// samples changed
     #[arg(long, value_name = "LAYERS", value_delimiter = ',', action = ArgAction::Set, value_parser = aov())]
     aov: Vec<Aov>,
+    /// Count what rays cost: the frames are the same, and take longer
+    #[arg(long)]
+    count: bool,
     /// EXR colour in 32-bit floats instead of 16-bit ones
     #[arg(long)]
     float: bool,
@@ -137,6 +140,8 @@ struct Totals {
     rays: u64,
     shadow_rays: u64,
     reused_fraction: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    costs: Option<RayCosts>,
     complete: bool,
 }
 
@@ -184,7 +189,7 @@ impl Render {
         settings.aovs = self.aov.clone();
         settings.aovs.sort_by_key(|&a| a as u32);
         settings.aovs.dedup();
-        Ok(Settings { size: self.source.size, seed: self.source.seed, ..settings })
+        Ok(Settings { size: self.source.size, seed: self.source.seed, count: self.count, ..settings })
     }
 
     /// An option that means nothing to the method is a mistake.
@@ -330,7 +335,11 @@ impl Job<'_> {
         if self.settings.method.reprojects() && totals.frames > 1 {
             text += &format!(", {} of them reused", percent(totals.reused_fraction));
         }
-        text + "\n"
+        text += "\n";
+        if let Some(costs) = totals.costs {
+            text += &format!("\n{}", costs::table([("what rays cost".to_owned(), costs)], totals.frames as u64));
+        }
+        text
     }
 }
 
@@ -343,10 +352,11 @@ struct Measured {
 
 impl Measured {
     fn add(&mut self, stats: FrameStats, times: Vec<PhaseTime>) {
-        let sum = self.stats.get_or_insert(FrameStats { rays: 0, shadow_rays: 0, shaded: 0, ..stats });
+        let sum = self.stats.get_or_insert(FrameStats { rays: 0, shadow_rays: 0, shaded: 0, costs: None, ..stats });
         sum.rays = sum.rays.saturating_add(stats.rays);
         sum.shadow_rays = sum.shadow_rays.saturating_add(stats.shadow_rays);
         sum.shaded = sum.shaded.saturating_add(stats.shaded);
+        sum.costs = costs::sum([sum.costs, stats.costs]);
         for time in times {
             match self.phases.iter_mut().find(|p| p.label == time.label) {
                 Some(phase) => phase.ms += time.ms,
@@ -380,6 +390,7 @@ fn totals(frames: &[FrameReport], wall_seconds: f64, complete: bool) -> Totals {
         rays: frames.iter().map(|f| u64::from(f.stats.rays)).sum(),
         shadow_rays: frames.iter().map(|f| u64::from(f.stats.shadow_rays)).sum(),
         reused_fraction: mean(settled.iter().map(|f| f.reused_fraction)),
+        costs: costs::sum(frames.iter().map(|f| f.stats.costs)),
         complete,
     }
 }

@@ -9,6 +9,7 @@ use clap::{ArgAction, Args};
 use stillray::headless::{Device, LoadedScene};
 use stillray::progress::Progress;
 use stillray::report::{file, json};
+use stillray::reproduce::coherence::{self, coherence};
 use stillray::reproduce::contest::{Contestant, Score, contest};
 use stillray::reproduce::figures::{Figures, distributions, qualities, samplers, thickening};
 use stillray::reproduce::phases;
@@ -51,6 +52,9 @@ pub struct Reproduce {
     /// The papers' size of 1080x1080
     #[arg(long)]
     full: bool,
+    /// Only figures and tables that are rendered for themselves and whose titles contain this, such as `coherence`; no methods side by side
+    #[arg(long, value_name = "WORDS")]
+    only: Option<String>,
     /// Folder for reproduce.md and reproduce.json
     #[arg(long, value_name = "DIR", default_value = "reproduce")]
     out: PathBuf,
@@ -73,19 +77,36 @@ impl Reproduce {
         file::check_target(&self.out.join("reproduce.md"))?;
         let device = Device::open(self.device.as_deref())?;
         interrupt::begin_rendering();
-        let mut scores = Vec::new();
-        let contestants: Vec<Contestant> = self.methods.iter().map(contestant).collect();
-        for name in &self.scenes {
-            scores.extend(self.scene(name, &device, &contestants, &self.motions)?);
-        }
-        let figure = self.scene("builtin:hairball", &device, &figure_5_contestants()?, &[Motion::Rotate])?;
+        let scores = if self.only.is_none() { self.contests(&device)? } else { Vec::new() };
+        let figure = match self.only {
+            None => self.scene("builtin:hairball", &device, &figure_5_contestants()?, &[Motion::Rotate])?,
+            Some(_) => Vec::new(),
+        };
         let pictures = self.figures(&device)?;
+        if let (Some(words), true) = (&self.only, pictures.is_empty()) {
+            let expected = "words of a figure's title, such as 'Table 1', 'Figure 6' or 'coherence'".to_owned();
+            return Err(Error::Setting { name: "only", value: words.clone(), expected }.into());
+        }
         let text = self.text(&device, &scores, &figure, &pictures);
         interrupt::uninterrupted(|| -> Outcome {
-            json::write(&self.out.join("reproduce.json"), &scores)?;
+            if self.only.is_none() {
+                json::write(&self.out.join("reproduce.json"), &scores)?;
+            }
             Ok(file::write_text(&self.out.join("reproduce.md"), &text)?)
         })?;
         if self.quiet { Ok(()) } else { console::print(&format!("{text}\nwritten to {}\n", self.out.display())) }
+    }
+
+    /// All methods in all scenes.
+    fn contests(&self, device: &Device) -> Outcome<Vec<Score>> {
+        let contestants: Vec<Contestant> = self.methods.iter().map(contestant).collect();
+        let scores = self.scenes.iter().map(|name| self.scene(name, device, &contestants, &self.motions));
+        Ok(scores.collect::<Outcome<Vec<_>>>()?.concat())
+    }
+
+    /// Whether a figure of this title is asked for.
+    fn wants(&self, title: &str) -> bool {
+        self.only.as_ref().is_none_or(|words| title.to_lowercase().contains(&words.to_lowercase()))
     }
 
     fn scene(&self, name: &str, device: &Device, who: &[Contestant], motions: &[Motion]) -> Outcome<Vec<Score>> {
@@ -121,11 +142,17 @@ impl Reproduce {
         let folder = self.out.join("figures");
         fs::create_dir_all(&folder).map_err(|cause| Error::Io { path: folder.clone(), cause })?;
         let mut all = Vec::new();
-        let table = self.with_studio("builtin:hairball", device, |studio, progress| {
-            phases::measure(studio, self.size, progress, &interrupt::requested)?.ok_or_else(stopped)
-        })?;
-        all.push(("Paper 1, Table 1: time of the phases on the hairball".to_owned(), phases::table(&table)));
+        let title = "Paper 1, Table 1: time of the phases on the hairball";
+        if self.wants(title) {
+            let table = self.with_studio("builtin:hairball", device, |studio, progress| {
+                phases::measure(studio, self.size, progress, &interrupt::requested)?.ok_or_else(stopped)
+            })?;
+            all.push((title.to_owned(), phases::table(&table)));
+        }
         let mut figure = |scene: &str, title: &str, draw: fn(&Figures<'_>) -> stillray::Result<Option<String>>| {
+            if !self.wants(title) {
+                return Ok(());
+            }
             self.with_studio(scene, device, |studio, progress| {
                 let stop = &interrupt::requested;
                 let figures = Figures { studio: *studio, scene, size: self.size, folder: &folder, progress, stop };
@@ -139,6 +166,7 @@ impl Reproduce {
         }
         figure("builtin:strands", "Paper 1, Figure 10: edge thickening, before and after", thickening)?;
         figure("builtin:penumbra", "Paper 2, Figure 16: strategies and tilings", samplers)?;
+        figure(coherence::SCENE, "Paper 2, Figures 17 to 20: coherence", coherence)?;
         Ok(all)
     }
 
@@ -177,12 +205,17 @@ impl Reproduce {
         let mut section = |title: &str, body: String| {
             let _ = write!(text, "\n## {title}\n\n{body}");
         };
-        section("Methods, over all scenes and motions", overview(scores));
-        section("What was aimed at, and what paper 1 claims", claims(scores));
-        section("Paper 3, Table 1", points(scores));
-        section("Paper 1, Figure 5: sharpness on the hairball (CPBD)", figure_5(figure));
+        let whole = self.only.is_none();
+        if whole {
+            section("Methods, over all scenes and motions", overview(scores));
+            section("What was aimed at, and what paper 1 claims", claims(scores));
+            section("Paper 3, Table 1", points(scores));
+            section("Paper 1, Figure 5: sharpness on the hairball (CPBD)", figure_5(figure));
+        }
         pictures.iter().for_each(|(title, body)| section(title, body.clone()));
-        section("Every scene and motion", details(scores));
+        if whole {
+            section("Every scene and motion", details(scores));
+        }
         text
     }
 }

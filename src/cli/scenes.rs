@@ -48,11 +48,15 @@ impl Stage {
 /// Loads what the user asks for, with the light around it, and the camera and the lens to look at it through.
 pub fn looked_at(source: &Source, motion: Motion) -> Result<(Scene, Shot)> {
     let mut scene = load(&source.scene, source.seed)?;
-    scene.cameras.iter_mut().for_each(|camera| camera.lens = source.optics.of(camera.lens));
+    for camera in &mut scene.cameras {
+        camera.lens = source.optics.of(camera.lens);
+        camera.shutter = source.optics.shutter.unwrap_or(camera.shutter);
+    }
     source.surroundings.apply(&mut scene)?;
     scene.medium = source.fog.map(Medium::fog).or(scene.medium);
     let shot = Shot::new(&scene, source.camera.as_deref(), motion)?;
-    Ok((scene, shot.with_lens(source.optics.of(Lens::PINHOLE))))
+    let shot = shot.with_lens(source.optics.of(Lens::PINHOLE)).with_shutter(source.optics.shutter.unwrap_or(0.0));
+    Ok((scene, shot))
 }
 
 /// Loads a file or a built-in scene.

@@ -199,9 +199,9 @@ impl Hunt {
     fn check(&self) -> Outcome {
         check_motions(&self.motions)?;
         let optics = &self.source.optics;
-        if optics.aperture.is_some() || optics.focus.is_some() || optics.blades.is_some() {
+        if optics.aperture.is_some() || optics.focus.is_some() || optics.blades.is_some() || optics.shutter.is_some() {
             // What is found is looked at again later, from the scene's name alone.
-            let message = "a search takes the lens of the scene's camera: leave out --aperture, --focus and --blades";
+            let message = "a search takes the lens and the shutter of the scene's camera: leave out --aperture, --focus, --blades and --shutter";
             return Err(Failure::Usage(message.to_owned()));
         }
         if self.source.surroundings.is_given() || self.source.fog.is_some() {

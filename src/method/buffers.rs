@@ -46,6 +46,7 @@ pub struct FrameBuffers {
     indirect: Option<[Buffer; 3]>,
     gathered: Vec<Buffer>,
     medium: Option<Buffer>,
+    traversals: Option<Buffer>,
     /// The frame.
     pub color: Image,
     /// All of [`Aov::ALL`], or none.
@@ -119,6 +120,7 @@ impl FrameBuffers {
             },
             gathered: many("indirect light", storage.gathered, gathered_buffers(storage))?,
             medium: if storage.medium > 0 { Some(make("medium", storage.medium)?) } else { None },
+            traversals: if storage.traversals > 0 { Some(make("counters", storage.traversals)?) } else { None },
             color: color_image(context, settings)?,
             aovs: aov_images(context, settings)?,
         };
@@ -158,6 +160,7 @@ impl FrameBuffers {
             indirect: self.indirect_resources(slot),
             previous_corners: self.previous_corners.as_ref().map(|b| Range::whole("previous corners", b)),
             medium: self.medium.as_ref().map(|b| Range::whole("medium", b)),
+            traversals: self.traversals.as_ref().map(|b| Range::whole("traversals", b)),
             claims: shared("claims", 0, s.claims),
             masks: Range::whole("masks", &self.masks),
             plan: Range::whole("plan", &self.plan),

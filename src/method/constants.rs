@@ -2,7 +2,7 @@
 
 use super::storage::Storage;
 use crate::scene::{Environment, Lens, Light, LightKind, LightPose, LightShape, View};
-use crate::settings::{Edges, Filter, Hold, Method, Settings};
+use crate::settings::{Edges, Filter, Grouping, Hold, Method, Settings};
 use crate::shaders;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -55,8 +55,20 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     if settings.subpixels == 2 {
         flags |= shaders::FRAME_QUARTERS;
     }
+    flags |= match settings.path_grouping {
+        Grouping::Kind => 0,
+        Grouping::Mixed => shaders::FRAME_PATHS_MIXED,
+        Grouping::None => shaders::FRAME_PATHS_SPREAD,
+    };
+    let turned = [right != previous_right, up != previous_up, forward != previous_forward];
+    if moment.view.shutter > 0.0 && turned.contains(&true) {
+        flags |= shaders::FRAME_TURNS;
+    }
     if settings.fills() {
         flags |= shaders::FRAME_FILL;
+    }
+    if settings.emitters {
+        flags |= shaders::FRAME_EMITTERS;
     }
     if moment.lit_for > forgetting(settings.indirect.alpha) {
         flags |= shaders::FRAME_LIT_ALIKE;
@@ -86,6 +98,7 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         jitter: variation,
         shadow_rays: settings.shadow_rays,
         filter_width: settings.filter_width,
+        shutter: moment.view.shutter as f32,
         variation: if settings.hold == Hold::Frame { moment.frame + 1 } else { variation },
         gloss: settings.gloss,
         part: settings.path_part,
@@ -94,6 +107,7 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         indirect_alpha: settings.indirect.alpha,
         indirect_count: lasting(settings.indirect.alpha),
         indirect_clamp: settings.indirect.clamp,
+        ..Default::default()
     }
 }
 
@@ -121,6 +135,10 @@ pub fn check_view(view: &View, [width, height]: [u32; 2]) -> Result<()> {
     let opened = view.yfov > 0.0 && view.yfov < std::f64::consts::PI;
     let axes = axes(view, f64::from(width) / f64::from(height), height);
     check_lens(&view.lens)?;
+    if !(0.0..=1.0).contains(&view.shutter) {
+        let expected = "from 0 to 1, the part of the time between frames".to_owned();
+        return Err(Error::Setting { name: "view.shutter", value: view.shutter.to_string(), expected });
+    }
     if view.position.is_finite() && turned && opened && axes.iter().all(|a| a[3].is_normal()) {
         return Ok(());
     }
@@ -147,8 +165,8 @@ fn axes(view: &View, aspect: f64, height: u32) -> [[f32; 4]; 3] {
     [axis(DVec3::X, tangent * aspect), axis(DVec3::Y, tangent), axis(DVec3::NEG_Z, 2.0 * tangent / f64::from(height))]
 }
 
-/// A light of a frame, relative to the camera.
-pub fn light(light: &Light, pose: &LightPose, camera: DVec3) -> shaders::Light {
+/// A light of a frame, relative to the camera, that was at `before` relative to where the camera was in the last frame.
+pub fn light(light: &Light, pose: &LightPose, camera: DVec3, before: DVec3) -> shaders::Light {
     let (kind, inner, outer) = match light.kind {
         LightKind::Point => (shaders::LIGHT_POINT, 0.0, std::f32::consts::PI),
         LightKind::Spot { inner, outer } => (shaders::LIGHT_SPOT, inner, outer),
@@ -167,9 +185,12 @@ pub fn light(light: &Light, pose: &LightPose, camera: DVec3) -> shaders::Light {
         if kind == shaders::LIGHT_DIRECTIONAL { half.tan() } else { half }
     };
     let [right, up] = [(pose.axes[0], width), (pose.axes[1], height)].map(|(axis, size)| (axis * half(size)).as_vec3());
+    let moved = (pose.position - camera - before).as_vec3();
+    let moved = if moved.is_finite() { moved } else { glam::Vec3::ZERO };
     let range = light.range.filter(|r| *r > 0.0 && r.is_finite());
     shaders::Light {
         position: (pose.position - camera).as_vec3().to_array(),
+        moved: moved.to_array(),
         kind,
         direction: pose.direction.as_vec3().to_array(),
         inv_range2: range.map_or(0.0, |r| 1.0 / (r * r)),
@@ -179,6 +200,7 @@ pub fn light(light: &Light, pose: &LightPose, camera: DVec3) -> shaders::Light {
         right: right.to_array(),
         up: up.to_array(),
         shape,
+        ..Default::default()
     }
 }
 
@@ -193,6 +215,7 @@ mod tests {
             rotation: DQuat::IDENTITY,
             yfov: std::f64::consts::FRAC_PI_2,
             lens: Lens::PINHOLE,
+            shutter: 0.0,
         }
     }
 
@@ -244,6 +267,16 @@ mod tests {
     }
 
     #[test]
+    fn a_shutter_is_open_for_no_less_than_no_time_and_no_longer_than_a_frame() {
+        let check = |shutter| check_view(&View { shutter, ..view() }, [640, 480]).map_err(|e| e.to_string());
+        assert!(check(0.0).is_ok() && check(1.0).is_ok() && check(1e-300).is_ok());
+        for bad in [-1e-9, 1.0 + 1e-9, f64::NAN, f64::INFINITY] {
+            let message = check(bad).unwrap_err();
+            assert!(message.contains("view.shutter") && message.contains("from 0 to 1"), "{message}");
+        }
+    }
+
+    #[test]
     fn a_light_is_placed_relative_to_the_camera_in_double_precision() {
         let far = DVec3::new(1e9, 0.0, 0.0);
         let lamp = Light {
@@ -260,8 +293,9 @@ mod tests {
             direction: DVec3::NEG_Z,
             axes: [DVec3::X, DVec3::Y],
         };
-        let placed = light(&lamp, &pose, far);
+        let placed = light(&lamp, &pose, far, DVec3::ZERO);
         assert_eq!(placed.position, [0.25, 0.5, 1.0]);
+        assert_eq!(placed.moved, placed.position);
         assert_eq!((placed.intensity, placed.inv_range2), ([2.0; 3], 1.0 / 100.0));
     }
 }

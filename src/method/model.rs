@@ -45,8 +45,11 @@ impl Model {
         let lens = feature(Feature::Lens).or_else(all);
         let area = feature(Feature::AreaLights).or_else(all);
         let environment = feature(Feature::EnvironmentMap).or_else(all);
+        let emitter = feature(Feature::EmissiveSurfaces).filter(|_| settings.emitters).or_else(all);
         let deform = feature(Feature::SkinnedMeshes).or_else(|| feature(Feature::MorphedMeshes)).or_else(all);
         let medium = feature(Feature::Medium).or_else(all);
+        let counts = settings.count.then(|| "rays are counted".to_owned());
+        let motion = feature(Feature::MotionBlur).or_else(all);
         let seed = lens.clone().or_else(|| area.clone()).or_else(|| environment.clone());
         let part = |bit, name, price, cause| Part { bit, name, price, cause };
         let mut parts = vec![
@@ -59,11 +62,18 @@ impl Model {
                 "a direction and a shadow ray a sample",
                 environment,
             ),
+            part(shaders::MODEL_EMITTER, "what shines as lights", "a point on it and a shadow ray a sample", emitter),
             part(
                 shaders::MODEL_DEFORM,
                 "meshes that deform",
                 "their upload in each frame, twice their corners",
                 deform,
+            ),
+            part(
+                shaders::MODEL_MOTION,
+                "an open shutter",
+                "a time a sample, an inverse where rays enter what moves",
+                motion,
             ),
             part(
                 shaders::MODEL_PATH,
@@ -76,6 +86,7 @@ impl Model {
             part(shaders::MODEL_SEED, "seeds of samples", "4 bytes a cached sample", seed),
             part(shaders::MODEL_AGE, "ages of samples", "4 bytes a cached sample", aov(Aov::Age)),
             part(shaders::MODEL_SOURCE, "what samples were", "4 bytes a cached sample, 8 more with the AOV", source),
+            part(shaders::MODEL_COUNT, "what rays cost", "sums of every workgroup that traces", counts),
         ];
         bring(&mut parts);
         Self { parts }

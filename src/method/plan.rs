@@ -23,8 +23,8 @@ pub struct Plan {
 pub struct Transfers {
     /// From the host's ring to device buffers.
     pub uploads: Vec<(Range, Range)>,
-    /// The counters to a buffer that the host reads.
-    pub readback: Range,
+    /// Counters to buffers that the host reads.
+    pub readbacks: Vec<(Range, Range)>,
 }
 
 /// The part of the counters that starts at zero in every frame; what precedes it is carried from the last one.
@@ -49,6 +49,7 @@ pub fn plan(
     let mut passes: Vec<Pass> = uploads.map(|(from, to)| Pass::copy("upload", *from, *to)).collect();
     passes.push(Pass::fill("upload", tallies(f.counters), 0));
     passes.extend(f.paths.map(|paths| Pass::fill("upload", paths.counters, 0)));
+    passes.extend(f.traversals.map(|traversals| Pass::fill("upload", traversals, 0)));
     passes.extend(match settings.method.sampling() {
         Sampling::Reprojected if settings.fills() => decided_after_verification(kit, f, s)?,
         Sampling::Reprojected => decided_before_verification(kit, f, s)?,
@@ -72,7 +73,7 @@ pub fn plan(
     if let Some(images) = &f.aovs {
         passes.push(phase::aov::pass(kit, f, images, stable)?);
     }
-    passes.push(Pass::copy("readback", f.counters, transfers.readback));
+    passes.extend(transfers.readbacks.iter().map(|(from, to)| Pass::copy("readback", *from, *to)));
     let barriers = pass::barriers(&passes);
     Ok(Plan { passes, barriers, end: pass::to_host() })
 }

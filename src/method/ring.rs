@@ -7,7 +7,7 @@ use crate::accel::Node;
 use crate::gpu::{Buffer, Context, Place, Range};
 use crate::phase::FrameResources;
 use crate::resident::ResidentScene;
-use crate::shaders::{Counters, Frame, Instance, Light, Medium};
+use crate::shaders::{Counters, Frame, Instance, Light, Medium, Traversals};
 
 /// A slot holds the frame's constants, instances, lights, medium, top level, and what deforms, in this order.
 #[derive(Debug)]
@@ -16,6 +16,7 @@ pub struct Ring {
     down: Vec<Buffer>,
     instances: u64,
     lights: u64,
+    light_count: usize,
     medium: u64,
     top_level: u64,
     /// Offsets of what deforms.
@@ -23,15 +24,21 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// For the instances and lights of this scene, and what deforms in it, which goes to `shapes`.
+    /// For the instances and lights of this scene, and what deforms in it, which goes to `shapes`; `counts` if rays are counted.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
-    pub fn new(context: &Context, scene: &ResidentScene, shapes: &[Range]) -> Result<Self> {
+    pub fn new(
+        context: &Context,
+        scene: &ResidentScene,
+        light_count: usize,
+        shapes: &[Range],
+        counts: bool,
+    ) -> Result<Self> {
         let after = |offset: u64, bytes: usize| (offset + bytes as u64).next_multiple_of(16);
         let instances = after(0, size_of::<Frame>());
         let lights = after(instances, scene.instance_count() * size_of::<Instance>());
-        let medium = after(lights, scene.light_count() * size_of::<Light>());
+        let medium = after(lights, light_count * size_of::<Light>());
         let top_level = after(medium, size_of::<Medium>());
         let mut size = top_level + scene.top_level().size;
         let mut offsets = Vec::with_capacity(shapes.len());
@@ -41,12 +48,14 @@ impl Ring {
             size += range.size;
         }
         let up = || Buffer::new(context, "upload ring", size, Place::Upload);
-        let down = || Buffer::new(context, "read-back ring", size_of::<Counters>() as u64, Place::Readback);
+        let back = size_of::<Counters>() + if counts { size_of::<Traversals>() } else { 0 };
+        let down = || Buffer::new(context, "read-back ring", back as u64, Place::Readback);
         Ok(Self {
             up: (0..SLOTS).map(|_| up()).collect::<Result<_>>()?,
             down: (0..SLOTS).map(|_| down()).collect::<Result<_>>()?,
             instances,
             lights,
+            light_count,
             medium,
             top_level,
             shapes: offsets,
@@ -58,7 +67,7 @@ impl Ring {
         let from = |offset, size| Range { offset, size, ..Range::whole("upload ring", &self.up[slot]) };
         let sized = |range: Range, count: usize, each: usize| Range { size: (count * each) as u64, ..range };
         let instances = sized(f.instances, scene.instance_count(), size_of::<Instance>());
-        let lights = sized(f.lights, scene.light_count(), size_of::<Light>());
+        let lights = sized(f.lights, self.light_count, size_of::<Light>());
         let all =
             [(0, f.frame), (self.instances, instances), (self.lights, lights), (self.top_level, scene.top_level())];
         let medium = f.medium.map(|to| (self.medium, to));
@@ -70,7 +79,10 @@ impl Ring {
             .chain(shapes)
             .filter(|(_, to)| to.size > 0)
             .map(|(at, to)| (from(at, to.size), to));
-        Transfers { uploads: uploads.collect(), readback: Range::whole("read-back ring", &self.down[slot]) }
+        let to = |offset, size| Range { offset, size, ..Range::whole("read-back ring", &self.down[slot]) };
+        let traversals = f.traversals.map(|from| (from, to(size_of::<Counters>() as u64, from.size)));
+        let readbacks = [(f.counters, to(0, f.counters.size))].into_iter().chain(traversals);
+        Transfers { uploads: uploads.collect(), readbacks: readbacks.collect() }
     }
 
     /// Writes the constants of a frame.
@@ -106,5 +118,11 @@ impl Ring {
     /// The counters of the slot's last frame.
     pub fn counters(&self, slot: usize) -> Option<Counters> {
         self.down[slot].bytes().get(..size_of::<Counters>()).map(bytemuck::pod_read_unaligned)
+    }
+
+    /// What rays cost in the slot's last frame, if that is counted.
+    pub fn traversals(&self, slot: usize) -> Option<Traversals> {
+        let behind = self.down[slot].bytes().get(size_of::<Counters>()..)?;
+        behind.get(..size_of::<Traversals>()).map(bytemuck::pod_read_unaligned)
     }
 }

@@ -22,8 +22,8 @@ use crate::Result;
 use crate::gpu::buffer::within;
 use crate::settings::{Aov, Precision, Sampling, Settings, Temporal};
 use crate::shaders::{
-    Found, Gathered, MODEL_AGE, MODEL_INDIRECT, MODEL_MEDIUM, MODEL_PATH, MODEL_SEED, MODEL_SOURCE, Medium, Sample,
-    Shaded, Tracked,
+    Found, Gathered, MODEL_AGE, MODEL_COUNT, MODEL_INDIRECT, MODEL_MEDIUM, MODEL_PATH, MODEL_SEED, MODEL_SOURCE,
+    Medium, Sample, Shaded, Tracked, Traversals,
 };
 
 /// Sizes in bytes of everything that belongs to a renderer.
@@ -57,6 +57,8 @@ pub struct Storage {
     pub gathered: u64,
     /// Constants of the medium, 0 if there is none.
     pub medium: u64,
+    /// What rays have cost, 0 if it is not counted.
+    pub traversals: u64,
     /// Claims, 0 if samples are not reprojected.
     pub claims: u64,
     /// Masks, and as much again for the plan; 0 if samples are not reprojected.
@@ -128,6 +130,7 @@ impl Storage {
             paths: if model & MODEL_PATH != 0 { capacity * 16 } else { 0 },
             gathered: if model & MODEL_INDIRECT != 0 { capacity * size_of::<Gathered>() as u64 } else { 0 },
             medium: if model & MODEL_MEDIUM != 0 { size_of::<Medium>() as u64 } else { 0 },
+            traversals: if model & MODEL_COUNT != 0 { size_of::<Traversals>() as u64 } else { 0 },
             claims,
             masks: if stable { pixels * 4 } else { 0 },
             tile_sums: if stable { tiles * 4 } else { 0 },

@@ -15,9 +15,6 @@ use std::f64::consts::TAU;
 /// Which dimensions a diffuse path's directions have: the pair that is free behind the camera.
 pub const PAIR_DIFFUSE: u32 = 0;
 
-/// Beside a path's number: it was reflected since a surface scattered it.
-pub const PATH_MIRRORED: u32 = 0x8000_0000;
-
 /// The seed of a step of a path.
 pub fn diffuse_seed(scramble: u32, step: u32) -> u32 {
     hash_combine(scramble, step)

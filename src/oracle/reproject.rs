@@ -3,6 +3,7 @@
 use super::bounded::Bounded;
 use super::camera::{self, M, Projection};
 use super::lens::{lens_shift, lens_shift_bounded};
+use super::motion::{frame_at, relative_rows};
 use crate::shaders::{FRAME_RESET, Frame, INSTANCE_MASK, Instance, OCCLUDED_BIT, SKY_INSTANCE, Sample};
 
 /// A subpixel that nothing has claimed.
@@ -17,24 +18,47 @@ pub struct Reprojected {
     pub masks: Vec<u32>,
 }
 
-/// The samples of the last frame, the older first, with the point of the lens that each is seen from in this one.
+/// How a sample is seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen {
+    /// From this point of the lens: metres along the axes across and up.
+    pub lens: [f32; 2],
+    /// At this time: part of the way from the last frame to this one.
+    pub time: f32,
+}
+
+/// Through a lens, at the end of the frame.
+impl From<[f32; 2]> for Seen {
+    fn from(lens: [f32; 2]) -> Self {
+        Self { lens, time: 1.0 }
+    }
+}
+
+/// The samples of the last frame, the older first, with the point of the lens that each is seen from in this one, and when.
 #[derive(Debug, Clone, Copy)]
 pub struct Cache<'a> {
     /// The samples.
     pub samples: &'a [Sample],
     /// Metres along the axes across and up, one a sample; empty for a pinhole.
     pub lens: &'a [[f32; 2]],
+    /// Part of the way from the last frame to this one, one a sample; empty if all are seen at its end.
+    pub times: &'a [f32],
 }
 
 impl Cache<'_> {
-    fn lens(&self, i: usize) -> [f32; 2] {
-        self.lens.get(i).copied().unwrap_or_default()
+    /// How a sample is seen.
+    pub fn seen(&self, i: usize) -> Seen {
+        Seen { lens: self.lens.get(i).copied().unwrap_or_default(), time: self.time(i) }
+    }
+
+    fn time(&self, i: usize) -> f32 {
+        self.times.get(i).copied().unwrap_or(1.0)
     }
 }
 
 impl<'a> From<&'a [Sample]> for Cache<'a> {
     fn from(samples: &'a [Sample]) -> Self {
-        Self { samples, lens: &[] }
+        Self { samples, lens: &[], times: &[] }
     }
 }
 
@@ -67,7 +91,7 @@ pub fn reproject<'a>(frame: &Frame, instances: &[Instance], cache: impl Into<Cac
     let samples = cache.samples;
     let mut out = unclaimed(frame);
     for i in listed(frame, samples) {
-        let Some(place) = landing(frame, instances, &samples[i], cache.lens(i)) else { continue };
+        let Some(place) = landing(frame, instances, &samples[i], cache.seen(i)) else { continue };
         let occluded = |i: usize| samples[i].instance & OCCLUDED_BIT != 0;
         out.claim(frame.flags, Claim { place, i, occluded: occluded(i) }, |i, holder| {
             (occluded(i), i) < (occluded(holder), holder)
@@ -83,10 +107,10 @@ pub fn reproject_nearest<'a>(frame: &Frame, instances: &[Instance], cache: impl 
     let samples = cache.samples;
     let mut out = unclaimed(frame);
     for i in listed(frame, samples) {
-        let Some(place) = landing(frame, instances, &samples[i], cache.lens(i)) else { continue };
+        let Some(place) = landing(frame, instances, &samples[i], cache.seen(i)) else { continue };
         let occluded = samples[i].instance & OCCLUDED_BIT != 0;
         out.claim(frame.flags, Claim { place, i, occluded }, |i, holder| {
-            precedes(frame, instances, samples, [i, holder])
+            precedes(frame, instances, cache, [i, holder])
         });
     }
     out
@@ -104,7 +128,7 @@ pub fn reproject_displaced<'a>(
     let samples = cache.samples;
     let mut out = first.clone();
     for i in listed(frame, samples) {
-        let Some((pixel, subpixel)) = landing(frame, instances, &samples[i], cache.lens(i)) else { continue };
+        let Some((pixel, subpixel)) = landing(frame, instances, &samples[i], cache.seen(i)) else { continue };
         let holds = first.claims[camera::claim_slot(pixel, subpixel, frame.flags)] & INSTANCE_MASK == i as u32;
         let free = camera::subpixel_bits(frame.flags) & !first.masks[pixel];
         let mut round = (1..M * M).map(|step| (subpixel + step) % (M * M));
@@ -112,7 +136,7 @@ pub fn reproject_displaced<'a>(
         let Some(free) = free.filter(|_| !holds) else { continue };
         let occluded = samples[i].instance & OCCLUDED_BIT != 0;
         out.claim(frame.flags, Claim { place: (pixel, free), i, occluded }, |i, holder| {
-            precedes(frame, instances, samples, [i, holder])
+            precedes(frame, instances, cache, [i, holder])
         });
     }
     out
@@ -129,12 +153,13 @@ fn listed(frame: &Frame, samples: &[Sample]) -> std::ops::Range<usize> {
 }
 
 /// Whether the first of two samples has the better claim.
-fn precedes(frame: &Frame, instances: &[Instance], samples: &[Sample], two: [usize; 2]) -> bool {
+fn precedes(frame: &Frame, instances: &[Instance], cache: Cache<'_>, two: [usize; 2]) -> bool {
     let [a, b] = two.map(|i| {
-        let sample = &samples[i];
+        let sample = &cache.samples[i];
         let depth = match space(frame, sample) {
             Some(Some(instance)) => {
-                let [x, y, z] = camera::transform_point(&instances[instance].to_relative, sample.position);
+                let rows = relative_rows(&instances[instance], cache.time(i));
+                let [x, y, z] = camera::transform_point(&rows, sample.position);
                 x * x + y * y + z * z
             }
             _ => f32::INFINITY,
@@ -167,29 +192,38 @@ impl Reprojected {
 }
 
 /// The subpixel that a sample projects to, in f32 and in the shader's order.
-pub fn landing(frame: &Frame, instances: &[Instance], sample: &Sample, lens: [f32; 2]) -> Option<Subpixel> {
-    let position = landing_position(frame, instances, sample, lens)?;
+pub fn landing(frame: &Frame, instances: &[Instance], sample: &Sample, seen: impl Into<Seen>) -> Option<Subpixel> {
+    let position = landing_position(frame, instances, sample, seen)?;
     let pixel = camera::pixel_of(position, frame.size);
     let bit = camera::subpixel_bit(camera::subpixel_of(position, pixel), frame.flags);
     Some((camera::pixel_index(pixel, frame.size), bit))
 }
 
 /// Where in the frame a sample projects to from a point of the lens, in pixels, in f32 and in the shader's order.
-pub fn landing_position(frame: &Frame, instances: &[Instance], sample: &Sample, lens: [f32; 2]) -> Option<[f32; 2]> {
+pub fn landing_position(
+    frame: &Frame,
+    instances: &[Instance],
+    sample: &Sample,
+    seen: impl Into<Seen>,
+) -> Option<[f32; 2]> {
+    let Seen { lens, time } = seen.into();
+    let frame = &frame_at(frame, time);
     let space = space(frame, sample)?;
     let relative = match space {
-        Some(instance) => camera::transform_point(&instances[instance].to_relative, sample.position),
+        Some(instance) => camera::transform_point(&relative_rows(&instances[instance], time), sample.position),
         None => sample.position,
     };
     camera::project_through(frame, relative, lens_shift(frame, lens, relative, space.is_some()))
 }
 
 /// The same with every rounding error accounted for.
-pub fn landing_bounded(frame: &Frame, instances: &[Instance], sample: &Sample, lens: [f32; 2]) -> Landing {
+pub fn landing_bounded(frame: &Frame, instances: &[Instance], sample: &Sample, seen: impl Into<Seen>) -> Landing {
+    let Seen { lens, time } = seen.into();
+    let frame = &frame_at(frame, time);
     let space = space(frame, sample);
     let relative = match space {
         None => return Landing::Nowhere,
-        Some(Some(instance)) => camera::transform_bounded(&instances[instance].to_relative, sample.position),
+        Some(Some(instance)) => camera::transform_bounded(&relative_rows(&instances[instance], time), sample.position),
         Some(None) => sample.position.map(Bounded::exact),
     };
     let shift = lens_shift_bounded(frame, lens, relative, space.flatten().is_some());

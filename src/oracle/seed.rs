@@ -9,6 +9,8 @@ use crate::shaders::{Frame, NO_SOURCE};
 /// Which dimensions of a path are for what: pairs, of which the first is the place in the pixel.
 pub const PAIR_LENS: u32 = 1;
 /// See [`PAIR_LENS`].
+pub const PAIR_TIME: u32 = 2;
+/// See [`PAIR_LENS`].
 pub const PAIR_LIGHT: u32 = 3;
 /// See [`PAIR_LENS`].
 pub const PAIR_ENVIRONMENT: u32 = 5;
@@ -20,7 +22,7 @@ pub fn new_seed([x, y]: [u32; 2], number: u32) -> u32 {
 
 /// See [`PAIR_LENS`].
 pub const PAIR_LOBE: u32 = 4;
-/// See [`PAIR_LENS`].
+/// See [`PAIR_LENS`]: which lobe, and which triangle that shines.
 pub const PAIR_CHOICE: u32 = 6;
 
 /// The seed by which a later step of a sample's path is drawn.

@@ -4,12 +4,14 @@ use std::cell::Cell;
 
 use glam::Vec3;
 
+use super::emitter::draw_emitter;
+use super::motion::light_at_time;
 use super::random::{hash_combine, hash_uint};
 use super::stage::{Stage, U, normal_error};
 use super::traverse::{Intersection, Query, any_with_alpha, offset_origin};
 use crate::shaders::{
-    ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, Light, OCCLUDED_BIT, SKY_INSTANCE,
-    Sample,
+    ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_MESH, Light, OCCLUDED_BIT,
+    SKY_INSTANCE, Sample,
 };
 
 /// What a sample's shadow rays found.
@@ -88,6 +90,9 @@ pub fn light_weight(frame: &Frame) -> f64 {
 /// viewer or the light is on is a matter of rounding.
 pub fn shadow_query(stage: &Stage<'_>, light: &Light, found: &Found, doubtful: &Cell<bool>) -> Option<Query> {
     let point = stage.surface(found.instance, found.primitive, found.u, found.v);
+    let shines = stage.shining.filter(|_| light.shape == LIGHT_MESH);
+    let drawn = shines.map(|shining| draw_emitter(stage, &shining, light, point.position).light);
+    let light = &drawn.unwrap_or_else(|| light_at_time(light, stage.world.time));
     let directional = light.kind == LIGHT_DIRECTIONAL;
     let target = Vec3::from(light.position);
     let towards = if directional { -Vec3::from(light.direction) } else { target - point.position };
@@ -99,6 +104,16 @@ pub fn shadow_query(stage: &Stage<'_>, light: &Light, found: &Found, doubtful: &
     let near_zero = |dot: f32, of: Vec3| f64::from(dot.abs()) <= error * f64::from(of.length());
     if near_zero(facing, seen_along) || near_zero(lit, towards) {
         doubtful.set(true);
+    }
+    if drawn.is_some() {
+        // Its normal is off by no more than that of any triangle here.
+        let away = Vec3::from(light.direction).dot(towards);
+        if near_zero(away, towards) {
+            doubtful.set(true);
+        }
+        if !(away < 0.0) {
+            return None;
+        }
     }
     let viewer_side = if facing <= 0.0 { 1.0 } else { -1.0 };
     if lit * viewer_side > 0.0 {

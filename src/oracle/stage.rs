@@ -5,11 +5,13 @@ use std::cell::Cell;
 
 use glam::{DVec3, Vec3};
 
+use super::emitter::Shining;
 use super::environment::Afar;
+use super::motion::{Placement, frame_at, placement_at};
 use super::shade::alpha::{alpha_passes, alpha_threshold};
 use super::shade::material::{Spot, base_color_at, transmission_at};
 use super::shade::texture::Textures;
-use super::traverse::{Intersection, SurfacePoint, World, surface_point, transform_point};
+use super::traverse::{Intersection, SurfacePoint, World, surface_point_at, transform_point};
 use super::triangle::triangle_point;
 use crate::shaders::{
     Frame, Instance, MATERIAL_BLEND, MATERIAL_DOUBLE_SIDED, MATERIAL_MASK, MATERIAL_TRANSMITS, Material,
@@ -35,13 +37,21 @@ pub struct Stage<'a> {
     pub lens: [f32; 2],
     /// Light from all around, and where the sample lies in it; none where that is not modelled.
     pub afar: Option<Afar<'a>>,
+    /// What shines, and where the sample lies on it; none where that is not modelled.
+    pub shining: Option<Shining<'a>>,
 }
 
 impl<'a> Stage<'a> {
     /// Where the sample's camera ray starts, relative to the middle of the lens, metres.
     pub fn eye(&self) -> Vec3 {
         let axis = |a: [f32; 4]| Vec3::new(a[0], a[1], a[2]);
-        axis(self.frame.right) * self.lens[0] + axis(self.frame.up) * self.lens[1]
+        let seen = self.seen();
+        axis(seen.right) * self.lens[0] + axis(seen.up) * self.lens[1]
+    }
+
+    /// The frame with the camera's axes at the sample's time.
+    pub fn seen(&self) -> Frame {
+        frame_at(self.frame, self.world.time)
     }
 
     /// The material of a triangle slot.
@@ -54,15 +64,19 @@ impl<'a> Stage<'a> {
         self.material(primitive).flags & MATERIAL_DOUBLE_SIDED == 0
     }
 
-    /// The instance of an index that a ray has found.
-    pub fn instance(&self, index: u32) -> &'a Instance {
-        &self.world.instances[index as usize]
+    /// The instance of an index that a ray has found, where it is at the sample's time.
+    pub fn instance(&self, index: u32) -> Instance {
+        let Placement { to_relative, to_object, flags, .. } = self.placement(index);
+        Instance { to_relative, to_object, flags, ..self.world.instances[index as usize] }
+    }
+
+    fn placement(&self, index: u32) -> Placement {
+        placement_at(&self.world.instances[index as usize], self.world.time)
     }
 
     /// The point of a triangle slot of an instance with these weights of its second and third vertex.
     pub fn surface(&self, instance: u32, primitive: u32, u: f32, v: f32) -> SurfacePoint {
-        let instance = self.instance(instance);
-        surface_point(&instance.to_relative, &instance.to_object, self.world.geometry.corners(primitive), u, v)
+        surface_point_at(&self.placement(instance), self.world.geometry.corners(primitive), u, v)
     }
 
     /// A triangle slot's vertices with a place between them.
@@ -105,7 +119,7 @@ impl<'a> Stage<'a> {
     fn threshold(&self, hit: &Intersection) -> ([f32; 3], f64, u32) {
         let corners = self.world.geometry.corners(hit.primitive).map(|p| p.to_array());
         let object = triangle_point(corners, hit.u, hit.v);
-        let cell = footprint(self.frame, self.instance(hit.instance), object.into());
+        let cell = footprint(self.frame, &self.world.instances[hit.instance as usize], object.into());
         (object, cell, super::random::hash_combine(self.frame.alpha_seed, hit.instance))
     }
 }

@@ -48,7 +48,7 @@ pub fn query(stage: &Stage<'_>, sample: Sample) -> Query {
     let surface = id < stage.frame.instance_count;
     let origin = stage.eye();
     let direction = if id == NEW_INSTANCE {
-        camera_direction(stage.frame, [position.x, position.y]) - origin * stage.frame.lens[1]
+        camera_direction(&stage.seen(), [position.x, position.y]) - origin * stage.frame.lens[1]
     } else if surface {
         target(stage, sample) - origin
     } else {

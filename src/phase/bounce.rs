@@ -1,7 +1,7 @@
 //! Secondary rays (paper 2, sections 3.3 and 3.5): what is seen in reflections and through what transmits.
 //!
-//! A step of all paths at a time: its rays, those of a kind together, then shadow rays from what they find, then its shading, which
-//! lists the next step's.
+//! A step of all paths at a time: its rays, those of a kind together unless the settings say otherwise ([`crate::settings::Grouping`]),
+//! then shadow rays from what they find, then its shading, which lists the next step's.
 
 use super::{FrameResources, Kit, PathResources, SceneResources, b};
 use crate::Result;
@@ -66,7 +66,11 @@ impl Step<'_> {
     }
 
     fn route(&self) -> Result<Pass> {
-        let bindings = route::Bindings { path_counters: b(self.paths.counters), counters: b(self.f.counters) };
+        let bindings = route::Bindings {
+            path_counters: b(self.paths.counters),
+            counters: b(self.f.counters),
+            frame: b(self.f.frame),
+        };
         let shader = if self.round.diffuse { route_diffuse::SHADER } else { route::SHADER };
         let push = route::Push { step: self.step };
         let one = Threads::Exactly([1, 1, 1]);
@@ -91,6 +95,10 @@ impl Step<'_> {
             vertices: Some(b(s.vertices)),
             atlas: Some(s.atlas),
             srgb: Some(b(s.srgb)),
+            seeds: f.seeds.map(|seeds| b(seeds.now)),
+            sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+            traversals: f.traversals.map(b),
+            previous_corners: f.previous_corners.map(b),
         };
         let shader = bounce::modelling(self.kit.model());
         let push = bounce::Push { step: self.step };
@@ -123,6 +131,8 @@ impl Step<'_> {
             path_list: b(paths.list),
             path_counters: b(paths.counters),
             path_directions: b(paths.directions),
+            traversals: f.traversals.map(b),
+            previous_corners: f.previous_corners.map(b),
         };
         let model = self.kit.model();
         let shader =
@@ -157,6 +167,7 @@ impl Step<'_> {
             path_list: b(paths.list),
             path_counters: b(paths.counters),
             medium: f.medium.map(b),
+            previous_corners: f.previous_corners.map(b),
         };
         let model = self.kit.model();
         let shader = if self.round.diffuse { scatter_diffuse::modelling(model) } else { scatter::modelling(model) };

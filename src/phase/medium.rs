@@ -29,6 +29,7 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Option<
         vertices: Some(b(s.vertices)),
         atlas: Some(s.atlas),
         srgb: Some(b(s.srgb)),
+        traversals: f.traversals.map(b),
     };
     let shader = shader::modelling(kit.model());
     kit.dispatch("medium", shader, &bindings.of(shader), &[], f.pixels()).map(Some)

@@ -134,6 +134,8 @@ pub struct FrameResources {
     pub previous_corners: Option<Range>,
     /// [`crate::shaders::Medium`], if that is modelled.
     pub medium: Option<Range>,
+    /// [`crate::shaders::Traversals`], if rays are counted.
+    pub traversals: Option<Range>,
     /// A word a subpixel; with point tracking a [`crate::shaders::Tracked`] a pixel.
     pub claims: Range,
     /// Two floats a pixel, with point tracking: where the ray of each pixel goes, in pixels.

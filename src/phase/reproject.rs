@@ -50,5 +50,6 @@ fn bindings(f: &FrameResources, s: &SceneResources) -> reproject_displaced::Bind
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
         corners: Some(b(s.corners)),
         rest: Some(b(s.rest)),
+        previous_corners: f.previous_corners.map(b),
     }
 }

@@ -28,7 +28,9 @@ pub fn pass(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Pass> {
         srgb: Some(b(s.srgb)),
         seeds: f.seeds.map(|seeds| b(seeds.now)),
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+        previous_corners: f.previous_corners.map(b),
         environment_map: Some(b(s.environment_map)),
+        traversals: f.traversals.map(b),
     };
     let shader = shader::modelling(kit.model());
     kit.dispatch("shadow", shader, &bindings.of(shader), &[], f.dense())

@@ -20,6 +20,7 @@ pub fn passes(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<P
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
         corners: Some(b(s.corners)),
         rest: Some(b(s.rest)),
+        previous_corners: f.previous_corners.map(b),
     };
     let bindings = shader::Bindings {
         frame: b(f.frame),
@@ -35,6 +36,7 @@ pub fn passes(kit: &Kit, f: &FrameResources, s: &SceneResources) -> Result<Vec<P
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
         corners: Some(b(s.corners)),
         rest: Some(b(s.rest)),
+        previous_corners: f.previous_corners.map(b),
     };
     let dispatch = |shader, list: &[Resource], threads| kit.dispatch("track", shader, list, &[], threads);
     let [distance, index] = [nearest::modelling(kit.model()), nearest_index::modelling(kit.model())];

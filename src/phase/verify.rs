@@ -37,6 +37,8 @@ pub(super) fn traced(
         srgb: Some(b(s.srgb)),
         seeds: f.seeds.map(|seeds| b(seeds.now)),
         sampler_table: f.seeds.map(|seeds| b(seeds.table)),
+        traversals: f.traversals.map(b),
+        previous_corners: f.previous_corners.map(b),
     };
     let shader = shader::modelling(kit.model());
     kit.dispatch(label, shader, &bindings.of(shader), &[], threads)

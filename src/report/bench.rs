@@ -3,10 +3,11 @@
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+use super::costs;
 use super::statistics::{Summary, mean, ratio};
 use super::table::{Table, bytes, grouped};
 use crate::headless::DeviceReport;
-use crate::renderer::{FrameStats, Method, PhaseTime};
+use crate::renderer::{FrameStats, Method, PhaseTime, RayCosts};
 use crate::settings::knob::{self, Value};
 
 /// A whole benchmark, in the form of its JSON file.
@@ -88,6 +89,9 @@ pub struct MethodResult {
     pub reprojected: Option<[f64; 5]>,
     /// Device memory of this method's buffers in bytes, without the scene.
     pub memory_bytes: u64,
+    /// What the rays of all measured frames cost, if that was counted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub costs: Option<RayCosts>,
 }
 
 /// A phase over all measured frames.
@@ -116,6 +120,7 @@ pub struct Collector {
     phases: Vec<(String, Vec<f64>)>,
     totals: Vec<f64>,
     stats: Vec<FrameStats>,
+    costs: Option<RayCosts>,
 }
 
 impl Collector {
@@ -129,6 +134,11 @@ impl Collector {
         }
         self.totals.push(times.iter().map(|t| t.ms).sum());
         self.stats.push(stats);
+    }
+
+    /// Adds what the rays of a measured frame cost.
+    pub fn count(&mut self, stats: &FrameStats) {
+        self.costs = costs::sum([self.costs, stats.costs]);
     }
 
     /// Summarises the frames of a method called `name` at `size` pixels.
@@ -154,6 +164,7 @@ impl Collector {
             reused_fraction: average(FrameStats::reused_fraction),
             reprojected: kind.reprojects().then(|| mean_shares(&self.stats)),
             memory_bytes: memory,
+            costs: self.costs,
             name,
             kind,
             knobs: knob::used(settings),
@@ -222,6 +233,11 @@ impl Bench {
         let mut text = format!("{}\n{}\n", self.times(), self.counts());
         if self.methods.iter().any(|m| m.reprojected.is_some()) {
             text += &format!("{}\n", self.shares());
+        }
+        let counted = self.methods.iter().filter_map(|m| Some((m.name.clone(), m.costs?)));
+        let counted: Vec<(String, RayCosts)> = counted.collect();
+        if !counted.is_empty() {
+            text += &format!("{}\n", costs::table(counted, u64::from(self.settings.frames)));
         }
         for ratio in &self.ratios {
             let Ratio { method, over_supersample, basis } = ratio;

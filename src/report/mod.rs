@@ -5,11 +5,13 @@
 pub mod apng;
 pub mod bench;
 pub mod compare;
+pub mod costs;
 pub mod distribution;
 pub mod file;
 pub mod folder;
 pub mod json;
 pub mod openexr;
+pub mod plot;
 pub mod png;
 pub mod statistics;
 pub mod table;

@@ -185,18 +185,24 @@ impl Figures<'_> {
     }
 
     fn show(&self, name: &str, picture: &Picture) -> Result<String> {
-        let file = format!("{}-{name}.png", self.scene.rsplit(':').next().unwrap_or_default());
+        let file = self.file(name, "png");
         picture.write(&self.folder.join(&file))?;
         Ok(self.link(&file))
     }
 
     fn draw(&self, name: &str, frame: &Drawn, area: Area) -> Result<String> {
-        let file = format!("{}-{name}.svg", self.scene.rsplit(':').next().unwrap_or_default());
+        let file = self.file(name, "svg");
         distribution::write(&self.folder.join(&file), &frame.picture, &frame.samples, area)?;
         Ok(self.link(&file))
     }
 
-    fn link(&self, file: &str) -> String {
+    /// Name of a file of the scene's.
+    pub(super) fn file(&self, name: &str, ending: &str) -> String {
+        format!("{}-{name}.{ending}", self.scene.rsplit(':').next().unwrap_or_default())
+    }
+
+    /// What shows a file of the folder.
+    pub(super) fn link(&self, file: &str) -> String {
         let folder = self.folder.file_name().unwrap_or_default().to_string_lossy();
         format!("![{file}]({folder}/{file})")
     }

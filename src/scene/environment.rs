@@ -57,7 +57,7 @@ impl EnvironmentMap {
         let Some(map) = map.filter(|map| map.is_whole()) else { return vec![0; ENVIRONMENT_HEADER as usize] };
         let texels: Vec<[f32; 3]> = map.texels.iter().map(|texel| map.shown(*texel)).collect();
         let turn = (map.turn / TAU).rem_euclid(1.0) as f32;
-        let mut table = vec![map.width, map.height, turn.to_bits(), 0];
+        let mut table = vec![map.width, map.height, turn.to_bits(), 0, 0, 0];
         table.extend(rows(map, &texels));
         texels.chunks(map.width as usize).for_each(|row| table.extend(chances(row.iter().map(|t| luminance(*t)))));
         table.extend(texels.iter().flatten().map(|x| x.to_bits()));
@@ -251,7 +251,7 @@ mod tests {
         let floats: Vec<f32> = table[end - 6..end].iter().map(|bits| f32::from_bits(*bits)).collect();
         assert_eq!(floats, [0.0, 0.0, BRIGHTEST, 0.0, 0.0, 1.0]);
         // What is not whole is not read past its end.
-        assert_eq!(EnvironmentMap::table(Some(&EnvironmentMap { width: 3, ..map })), [0; 4]);
-        assert_eq!(EnvironmentMap::table(None), [0; 4]);
+        assert_eq!(EnvironmentMap::table(Some(&EnvironmentMap { width: 3, ..map })), [0; ENVIRONMENT_HEADER as usize]);
+        assert_eq!(EnvironmentMap::table(None), [0; ENVIRONMENT_HEADER as usize]);
     }
 }

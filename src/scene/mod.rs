@@ -382,6 +382,8 @@ pub struct Camera {
     pub yfov: f64,
     /// Its lens.
     pub lens: Lens,
+    /// The part of the time from one frame to the next for which its shutter is open, at the end of it: 0, nothing blurs, to 1.
+    pub shutter: f64,
 }
 
 /// A thin lens (paper 2, section 3.1; Cook, Porter and Carpenter 1984).
@@ -422,6 +424,9 @@ pub struct View {
     pub yfov: f64,
     /// The lens that it is seen through.
     pub lens: Lens,
+    /// The part of the time since the last frame for which the shutter has been open when this frame ends, 0..=1: what moves is
+    /// seen all along (paper 2, section 3.4), on straight lines from where it was in the last frame.
+    pub shutter: f64,
 }
 
 /// Animated transforms of some nodes, looped by their longest channel.

@@ -132,7 +132,13 @@ mod tests {
 
     fn base() -> View {
         let lens = Lens { aperture: 0.1, ..Lens::PINHOLE };
-        View { position: DVec3::new(3.0, 1.0, 4.0), rotation: DQuat::from_rotation_y(0.6), yfov: 0.7, lens }
+        View {
+            position: DVec3::new(3.0, 1.0, 4.0),
+            rotation: DQuat::from_rotation_y(0.6),
+            yfov: 0.7,
+            lens,
+            shutter: 0.5,
+        }
     }
 
     const FOCUS: DVec3 = DVec3::new(0.1, 0.2, -0.3);

@@ -280,7 +280,7 @@ fn view(global: &DAffine3, camera: &Camera) -> View {
     let back = unit(global.matrix3.z_axis).unwrap_or(DVec3::Z);
     let [right, up] = upright(back, global.matrix3.y_axis);
     let rotation = DQuat::from_mat3(&DMat3::from_cols(right, up, back)).normalize();
-    View { position: global.translation, rotation, yfov: camera.yfov, lens: camera.lens }
+    View { position: global.translation, rotation, yfov: camera.yfov, lens: camera.lens, shutter: camera.shutter }
 }
 
 /// The unit vectors to the right and up across `back`, a unit vector, with `up` as far up as possible.
@@ -410,7 +410,7 @@ mod tests {
             let local = LocalTransform::Trs { translation: DVec3::ONE, rotation: DQuat::IDENTITY, scale };
             let scene = Scene {
                 nodes: vec![Node { name: String::new(), parent: None, local }],
-                cameras: vec![Camera { name: String::new(), node: 0, yfov: 1.0, lens: Lens::PINHOLE }],
+                cameras: vec![Camera { name: String::new(), node: 0, yfov: 1.0, lens: Lens::PINHOLE, shutter: 0.0 }],
                 lights: vec![Light {
                     name: String::new(),
                     node: 0,

@@ -57,8 +57,8 @@ pub struct Traits {
     pub lights: u32,
     /// Whether there are textures.
     pub textures: bool,
-    /// Whether more than the place in the pixel is sampled: a lens, lights that have an extent, or a map of light from all
-    /// around.
+    /// Whether more than the place in the pixel is sampled: a lens, a shutter's time, lights that have an extent, or a map of
+    /// light from all around.
     #[serde(default = "yes")]
     pub distributed: bool,
     /// Whether light passes through something.
@@ -77,7 +77,7 @@ fn yes() -> bool {
 impl Traits {
     /// Those of a scene.
     pub fn of(scene: &Scene) -> Self {
-        let open = |camera: &Camera| camera.lens.is_open();
+        let open = |camera: &Camera| camera.lens.is_open() || camera.shutter > 0.0;
         let wide = |light: &Light| light.shape != LightShape::Sharp;
         Self {
             lights: scene.lights.len() as u32 + u32::from(scene.environment_map.is_some()),
@@ -182,6 +182,8 @@ pub enum Feature {
     MovingCameras,
     /// Cameras with an aperture, before and behind whose plane in focus things blur.
     Lens,
+    /// Cameras whose shutter is open for a while, in which what moves blurs.
+    MotionBlur,
     /// Meshes that a skeleton bends.
     SkinnedMeshes,
     /// Meshes with morph targets.
@@ -348,6 +350,8 @@ impl Found {
     fn cameras(&mut self, scene: &Scene) {
         for camera in &scene.cameras {
             self.note(camera.lens.is_open(), Feature::Lens, || format!("camera '{}'", camera.name));
+            // Whether anything moves is not asked: a host moves cameras, and poses, as it likes.
+            self.note(camera.shutter > 0.0, Feature::MotionBlur, || format!("camera '{}'", camera.name));
         }
     }
 

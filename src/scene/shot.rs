@@ -50,6 +50,15 @@ impl Shot {
         Self { camera, ..self }
     }
 
+    /// The same with another shutter, likewise.
+    pub fn with_shutter(self, shutter: f64) -> Self {
+        let camera = match self.camera {
+            Camera::Placed(words, view) => Camera::Placed(words, View { shutter, ..view }),
+            of_scene => of_scene,
+        };
+        Self { camera, ..self }
+    }
+
     /// Where everything of the scene is and where it is seen from after `seconds`.
     pub fn at(&self, scene: &Scene, seconds: f64) -> (Pose, View) {
         let pose = scene.pose(seconds);
@@ -104,7 +113,13 @@ fn place_camera(words: &str) -> Option<View> {
     // Straight up and down there is no horizon: the top of the picture is north.
     let right = DVec3::Y.cross(back).try_normalize().unwrap_or(DVec3::X);
     let axes = DMat3::from_cols(right, back.cross(right), back);
-    Some(View { position: from, rotation: DQuat::from_mat3(&axes), yfov: 50f64.to_radians(), lens: Lens::PINHOLE })
+    Some(View {
+        position: from,
+        rotation: DQuat::from_mat3(&axes),
+        yfov: 50f64.to_radians(),
+        lens: Lens::PINHOLE,
+        shutter: 0.0,
+    })
 }
 
 /// Centre and radius in metres of a sphere that holds everything in the scene, for a camera to move about.

@@ -52,6 +52,8 @@ pub struct Settings {
     pub tiling: Tiling,
     /// What the places of samples on lenses and lights belong to.
     pub hold: Hold,
+    /// Triangles that shine are lights, with shadow rays, and not only seen.
+    pub emitters: bool,
     /// Secondary rays of a path at most, 0 to 8.
     pub path_depth: u32,
     /// Surfaces of at most this perceptual roughness send reflection rays, 0 to 1; 0: only those do that transmit or have Phong's lobe.
@@ -60,10 +62,14 @@ pub struct Settings {
     pub path_part: f32,
     /// Light that comes from surfaces.
     pub indirect: Indirect,
+    /// Which secondary rays are traced together.
+    pub path_grouping: Grouping,
     /// Steps of a march through fog or mist, 1 to 256.
     pub medium_steps: u32,
     /// What is modelled.
     pub modelling: Modelling,
+    /// Whether what rays cost is counted ([`crate::stats::RayCosts`]): the pictures are the same, the times are not.
+    pub count: bool,
     /// 32-bit float output instead of 16-bit.
     pub float_output: bool,
     /// Which images besides colour are written.
@@ -92,12 +98,15 @@ impl Default for Settings {
             sampler: Strategy::Sobol,
             tiling: Tiling::Sudoku,
             hold: Hold::Sample,
+            emitters: false,
             path_depth: 3,
             gloss: 0.0,
             path_part: 0.25,
             indirect: Indirect::default(),
+            path_grouping: Grouping::Kind,
             medium_steps: 32,
             modelling: Modelling::Required,
+            count: false,
             float_output: false,
             aovs: Vec::new(),
         }
@@ -357,6 +366,22 @@ pub enum Hold {
 impl Hold {
     /// All of them with their names.
     pub const ALL: [(Self, &str); 2] = [(Self::Sample, "sample"), (Self::Frame, "frame")];
+}
+
+/// Which secondary rays are traced together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Grouping {
+    /// Those of a kind: a list of reflected rays, and behind it one of refracted ones (paper 2, section 3).
+    Kind,
+    /// Those of neighbouring samples: one list of both kinds.
+    Mixed,
+    /// No list: in every step every sample has a thread, whether it has a ray or not.
+    None,
+}
+
+impl Grouping {
+    /// All of them with their names.
+    pub const ALL: [(Self, &str); 3] = [(Self::Kind, "kind"), (Self::Mixed, "mixed"), (Self::None, "none")];
 }
 
 /// What is modelled.

@@ -4,7 +4,9 @@ use super::knob::{
     Domain, Knob,
     Value::{self, Choice, Count, Number, Switch},
 };
-use super::{Edges, Fill, Filter, HistoryFilter, Hold, Method, Modelling, Precision, Sampling, Temporal, Weights};
+use super::{
+    Edges, Fill, Filter, Grouping, HistoryFilter, Hold, Method, Modelling, Precision, Sampling, Temporal, Weights,
+};
 use crate::sampler::{Strategy, Tiling};
 use crate::scene::requirements::Traits;
 
@@ -332,6 +334,18 @@ pub static KNOBS: &[Knob] = &[
         ladder: &[Choice("sample"), Choice("frame")],
     },
     Knob {
+        name: "emitters",
+        about: "triangles that shine light up what is around them, as one more light with a shadow ray, and are not only seen",
+        unit: "",
+        trades: "on: light from lamps that are meshes, with soft shadows, for a ray a sample, and noise",
+        domain: Domain::Switch { at: |s| &mut s.emitters },
+        applies: any,
+        rays: true,
+        // What gives light is for the user to say: a search would leave it out.
+        distinct: |_, value| value == Switch(false),
+        ladder: &[Switch(false), Switch(true)],
+    },
+    Knob {
         name: "gloss",
         about: "roughness up to which surfaces send reflection rays; 0: only those do that transmit or have Phong's lobe",
         unit: "perceptual roughness",
@@ -398,6 +412,22 @@ pub static KNOBS: &[Knob] = &[
         rays: false,
         distinct: |_, value| value == Number(0.0),
         ladder: &[Number(0.0), Number(1.0), Number(10.0)],
+    },
+    Knob {
+        name: "path.grouping",
+        about: "which secondary rays are traced together: those of a kind, those of neighbouring samples, or those of whichever \
+                samples have one",
+        unit: "",
+        trades: "kind, mixed: dense lists; none: no list, and threads that wait; the pictures are the same",
+        domain: Domain::Choice {
+            names: || Grouping::ALL.map(|g| g.1).to_vec(),
+            get: |s| Grouping::ALL.iter().position(|g| g.0 == s.path_grouping).unwrap_or_default(),
+            set: |s, i| s.path_grouping = Grouping::ALL.get(i).map_or(s.path_grouping, |g| g.0),
+        },
+        applies: any,
+        rays: false,
+        distinct: |scene, value| scene.transmits || value == Choice(Grouping::ALL[0].1),
+        ladder: &[Choice("kind"), Choice("mixed"), Choice("none")],
     },
     Knob {
         name: "medium.steps",

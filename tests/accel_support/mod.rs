@@ -191,6 +191,6 @@ impl Built {
     }
 
     pub fn world(&self) -> World<'_> {
-        World { geometry: &self.geometry, tlas: &self.tlas, instances: &self.instances }
+        World { geometry: &self.geometry, tlas: &self.tlas, instances: &self.instances, time: 1.0 }
     }
 }

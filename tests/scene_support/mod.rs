@@ -91,7 +91,13 @@ impl Build {
 
     pub fn camera(mut self, view: &View) -> Scene {
         let node = self.node(trs(view.position, view.rotation, 1.0));
-        self.0.cameras.push(Camera { name: String::new(), node, yfov: view.yfov, lens: view.lens });
+        self.0.cameras.push(Camera {
+            name: String::new(),
+            node,
+            yfov: view.yfov,
+            lens: view.lens,
+            shutter: view.shutter,
+        });
         self.0
     }
 }
@@ -101,12 +107,18 @@ pub fn look(eye: DVec3, target: DVec3, yfov: f64) -> View {
     let back = (eye - target).normalize();
     let right = DVec3::Y.cross(back).normalize();
     let rotation = DQuat::from_mat3(&glam::DMat3::from_cols(right, back.cross(right), back));
-    View { position: eye, rotation: rotation.normalize(), yfov, lens: Lens::PINHOLE }
+    View { position: eye, rotation: rotation.normalize(), yfov, lens: Lens::PINHOLE, shutter: 0.0 }
 }
 
 /// Along -z from the origin, with 1/4 of a metre a metre away filling half the frame's height.
 pub fn ahead() -> View {
-    View { position: DVec3::ZERO, rotation: DQuat::IDENTITY, yfov: 2.0 * 0.25_f64.atan(), lens: Lens::PINHOLE }
+    View {
+        position: DVec3::ZERO,
+        rotation: DQuat::IDENTITY,
+        yfov: 2.0 * 0.25_f64.atan(),
+        lens: Lens::PINHOLE,
+        shutter: 0.0,
+    }
 }
 
 /// World-space direction through a point of the frame, of length 1 along the viewing direction.
@@ -132,7 +144,12 @@ impl Stage {
     }
 
     pub fn frame(&mut self, view: View) -> Pixels {
-        let pose = self.scene.pose(0.0);
+        self.frame_at(view, 0.0)
+    }
+
+    /// With the scene's animations after so many seconds.
+    pub fn frame_at(&mut self, view: View, seconds: f64) -> Pixels {
+        let pose = self.scene.pose(seconds);
         self.session.frame(&FrameInputs { view, pose: &pose, reset: false }).unwrap();
         self.session.color().unwrap()
     }

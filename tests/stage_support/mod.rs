@@ -8,13 +8,18 @@ use super::accel_support::{cube, icosphere};
 use super::support::kernel::{Bound, data};
 use super::support::random::Random;
 use glam::{Affine2, DAffine3, DMat3, DQuat, DVec3, Vec2, Vec3, Vec4};
-use stillray::accel::{BvhBuildParams, Geometry, Tlas, place};
+use stillray::accel::{BvhBuildParams, Geometry, Tlas, mark_moving, place};
+use stillray::emitters;
 use stillray::gpu::image::Sampler;
 use stillray::gpu::{Context, Image, ImageDesc};
 use stillray::method::constants;
+use stillray::oracle::emitter::Shining;
 use stillray::oracle::environment::Afar;
 use stillray::oracle::lens::lens_point;
-use stillray::oracle::seed::{PAIR_ENVIRONMENT, PAIR_LENS, PAIR_LIGHT, new_seed, seed_bits, seed_pair};
+use stillray::oracle::motion::{frame_time, light_at_time};
+use stillray::oracle::seed::{
+    PAIR_CHOICE, PAIR_ENVIRONMENT, PAIR_LENS, PAIR_LIGHT, PAIR_TIME, new_seed, seed_bits, seed_pair,
+};
 use stillray::oracle::shade::light::light_point;
 use stillray::oracle::shade::texture::Textures;
 use stillray::oracle::stage::Stage;
@@ -25,7 +30,9 @@ use stillray::scene::atlas::{Atlas, material_records, srgb_table};
 use stillray::scene::{
     self, AlphaMode, EnvironmentMap, Light, LightKind, LightPose, LightShape, Mesh, Scene, TextureRef,
 };
-use stillray::shaders::{self, FRAME_NEAREST, Frame, LIGHT_DISC, LIGHT_RECTANGLE, LIGHT_SHARP, NEW_INSTANCE, Sample};
+use stillray::shaders::{
+    self, FRAME_NEAREST, FRAME_TURNS, Frame, LIGHT_DISC, LIGHT_MESH, LIGHT_RECTANGLE, LIGHT_SHARP, NEW_INSTANCE, Sample,
+};
 
 /// Materials of the scene, by index.
 pub const OPAQUE: usize = 0;
@@ -47,9 +54,14 @@ pub struct Theatre {
     pub frame: Frame,
     /// The point of the lens through which everything is seen.
     pub lens: [f32; 2],
+    /// When everything is seen.
+    pub time: f32,
     /// The table of the map of light from all around, and where all samples lie in it.
     pub environment: Vec<u32>,
     pub afar_at: [u32; 2],
+    /// Where all samples lie on what shines: on a triangle, and which one.
+    pub shining_at: ([f32; 2], u32),
+    pub transforms: Vec<DAffine3>,
 }
 
 /// How all samples of a list are drawn: alike, so that the twin knows one lens point and one point of each light.
@@ -245,8 +257,11 @@ impl Theatre {
             lights,
             frame,
             lens: [0.0; 2],
+            time: 1.0,
             environment,
             afar_at: [0; 2],
+            shining_at: ([0.0; 2], 0),
+            transforms,
         }
     }
 
@@ -261,6 +276,14 @@ impl Theatre {
         let turn = f64::from(random.between(-7.0, 7.0));
         let map = EnvironmentMap { name: "noise".to_owned(), width, height, texels, scale: 0.5, turn };
         self.environment = EnvironmentMap::table(Some(&map));
+        self
+    }
+
+    /// What shines is one of the lights.
+    pub fn shining(mut self) -> Self {
+        emitters::append(&mut self.environment, &self.scene, &self.geometry, &self.transforms);
+        self.lights.push(shaders::Light { shape: LIGHT_MESH, ..shaders::Light::default() });
+        self.frame.light_count += 1;
         self
     }
 
@@ -280,13 +303,29 @@ impl Theatre {
         theatre
     }
 
+    /// The same while the shutter is open, with everything on the move, and the camera turning.
+    pub fn moving(size: [u32; 2], random: &mut Random) -> Self {
+        let mut theatre = Self::wide(size, random);
+        theatre.frame.shutter = random.pick(&[0.5, 1.0]);
+        theatre.frame.flags |= FRAME_TURNS;
+        let shutter = f64::from(theatre.frame.shutter);
+        theatre.instances.iter_mut().for_each(|instance| mark_moving(instance, shutter));
+        theatre.tlas.rebuild_over(&theatre.geometry, &mut theatre.instances, shutter);
+        theatre
+    }
+
     /// What the twins are told of a theatre whose samples are drawn so: the lens point, and lights that are points.
     pub fn drawn(mut self, draw: &Draw) -> Self {
         let pair = |pair| seed_pair(&draw.sampler, self.frame.variation, draw.seed, pair);
         let [lens, at] = [pair(PAIR_LENS), pair(PAIR_LIGHT)];
         self.lens = lens_point(self.frame.lens, lens);
-        self.afar_at = seed_bits(&draw.sampler, self.frame.variation, draw.seed, PAIR_ENVIRONMENT);
-        self.lights.iter_mut().for_each(|light| *light = light_point(light, at));
+        self.time = frame_time(self.frame.shutter, pair(PAIR_TIME)[0]);
+        let bits = |pair| seed_bits(&draw.sampler, self.frame.variation, draw.seed, pair);
+        self.afar_at = bits(PAIR_ENVIRONMENT);
+        self.shining_at = (at, bits(PAIR_CHOICE)[1]);
+        let still = |light: shaders::Light| shaders::Light { moved: [0.0; 3], ..light };
+        let time = self.time;
+        self.lights.iter_mut().for_each(|light| *light = still(light_point(&light_at_time(light, time), at)));
         self
     }
 
@@ -302,7 +341,7 @@ impl Theatre {
     }
 
     pub fn stage(&self, alpha: bool) -> Stage<'_> {
-        let world = World { geometry: &self.geometry, tlas: &self.tlas, instances: &self.instances };
+        let world = World { geometry: &self.geometry, tlas: &self.tlas, instances: &self.instances, time: self.time };
         Stage {
             frame: &self.frame,
             world,
@@ -311,6 +350,7 @@ impl Theatre {
             alpha,
             lens: self.lens,
             afar: Some(Afar { table: &self.environment, at: self.afar_at }),
+            shining: Some(Shining { table: &self.environment, at: self.shining_at.0, draw: self.shining_at.1 }),
         }
     }
 
@@ -348,7 +388,13 @@ fn lights() -> Vec<shaders::Light> {
         (LightKind::Point, DVec3::new(11.0, -2.4, -8.0), down),
     ];
     let one = |(kind, position, direction)| {
-        constants::light(&light(kind), &LightPose { position, direction, axes: [DVec3::X, DVec3::Y] }, DVec3::ZERO)
+        let before = position - DVec3::new(0.2, -0.1, 0.3);
+        constants::light(
+            &light(kind),
+            &LightPose { position, direction, axes: [DVec3::X, DVec3::Y] },
+            DVec3::ZERO,
+            before,
+        )
     };
     placed.into_iter().map(one).collect()
 }

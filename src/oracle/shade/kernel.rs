@@ -7,17 +7,19 @@ use glam::{DVec3, Vec3, Vec4};
 
 use super::brdf::{COSINE_MIN, Reflector};
 use super::light::{IRRADIANCE_MAX, light_at};
-use super::material::{Surface, surface_at};
+use super::material::{Surface, emission_at, surface_at};
 use crate::oracle::bounded::Bounded;
 use crate::oracle::camera::{Projection, project_within, transform_bounded};
+use crate::oracle::emitter::{INTENSITY, Shining, draw_emitter};
 use crate::oracle::environment::{Afar, DIRECTION, IRRADIANCE};
 use crate::oracle::lens::lens_shift_bounded;
+use crate::oracle::motion::light_at_time;
 use crate::oracle::shadow::light_weight;
 use crate::oracle::stage::{Stage, U, normal_error};
 use crate::oracle::traverse::{SurfacePoint, transform_point};
 use crate::shaders::{
-    ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, OCCLUDED_BIT,
-    SKY_INSTANCE, Sample,
+    ENVIRONMENT_LIGHT, FOUND_LOST, Found, Frame, INSTANCE_MASK, LIGHT_DIRECTIONAL, LIGHT_MESH, LIGHT_SHARP, LIGHT_SPOT,
+    Light, OCCLUDED_BIT, SKY_INSTANCE, Sample,
 };
 
 /// Where samples are followed to, in distances from the middle of the frame to its border.
@@ -32,6 +34,8 @@ pub struct Shading {
     pub error: DVec3,
     /// Where it lies in this frame, within [`MOTION_REACH`].
     pub place: Projection,
+    /// Where it lies at the end of this frame, which is elsewhere if it is seen before, and moves.
+    pub end: Projection,
     /// Where it lay in the last frame, within [`MOTION_REACH`].
     pub last: Projection,
     /// Distance from the camera in metres; infinite for the sky.
@@ -49,8 +53,8 @@ pub fn shade(stage: &Stage<'_>, lights: &[Light], sample: &Sample, found: &Found
     } else {
         surface_radiance(stage, lights, environment, found, lit)
     };
-    let (place, last, depth) = locate(stage, sample);
-    Some(Shading { radiance, error, place, last, depth })
+    let ([place, end, last], depth) = locate(stage, sample);
+    Some(Shading { radiance, error, place, end, last, depth })
 }
 
 fn sky_radiance(stage: &Stage<'_>, uniform: DVec3, sample: &Sample) -> (DVec3, DVec3) {
@@ -59,8 +63,8 @@ fn sky_radiance(stage: &Stage<'_>, uniform: DVec3, sample: &Sample) -> (DVec3, D
     (uniform + radiance, error + U * (uniform + radiance))
 }
 
-/// Where the sample is now, where it was, and how far away it is.
-fn locate(stage: &Stage<'_>, sample: &Sample) -> (Projection, Projection, f64) {
+/// Where the sample is, at its time, at the end of the frame and in the last one, and how far away it is.
+fn locate(stage: &Stage<'_>, sample: &Sample) -> ([Projection; 3], f64) {
     let frame = stage.frame;
     let id = sample.instance & INSTANCE_MASK;
     let position = sample.position;
@@ -78,13 +82,14 @@ fn locate(stage: &Stage<'_>, sample: &Sample) -> (Projection, Projection, f64) {
     };
     if !surface {
         let at = position.map(Bounded::exact);
-        return (project(frame, at), project(&before, at), f64::INFINITY);
+        return ([project(&stage.seen(), at), project(frame, at), project(&before, at)], f64::INFINITY);
     }
     let instance = stage.instance(id);
     let now = transform_bounded(&instance.to_relative, position);
+    let end = transform_bounded(&stage.world.instances[id as usize].to_relative, position);
     let then = transform_bounded(&instance.previous, position);
     let depth = transform_point(&instance.to_relative, position.into()).as_dvec3().length();
-    (project(frame, now), project(&before, then), depth)
+    ([project(&stage.seen(), now), project(frame, end), project(&before, then)], depth)
 }
 
 /// Bounds on the directions that shading starts from, in radians.
@@ -129,7 +134,7 @@ pub fn seen_from(stage: &Stage<'_>, viewer: Vec3, found: &Found) -> Seen {
     let back = viewer.as_dvec3() - point.position.as_dvec3();
     let view = if back.length() > 0.0 { back.normalize() } else { geometric };
     let spot = stage.spot(found.primitive, found.u, found.v);
-    let surface = surface_at(material, instance, &spot, geometric, view, stage.textures);
+    let surface = surface_at(material, &instance, &spot, geometric, view, stage.textures);
     let at = spot.attributes();
     let map = (material.normal_texture.texel_size != 0)
         .then(|| stage.textures.sample(&material.normal_texture, at.uv0, at.uv1, false).truncate() * 2.0 - 1.0);
@@ -155,6 +160,13 @@ fn surface_radiance(
     if seen.surface.unlit {
         return (radiance, error);
     }
+    let shines = |i: &u32| lights[*i as usize].shape == LIGHT_MESH && lit >> i & 1 != 0;
+    if let (Some(shining), Some(_)) = (&stage.shining, (0..stage.frame.light_count).find(shines)) {
+        let (part, part_error) =
+            reflected_from_emitter(stage, &seen.surface, &seen.bounds, seen.view, (shining, seen.point.position));
+        radiance += part;
+        error += part_error + 4.0 * U * radiance;
+    }
     if lit >> ENVIRONMENT_LIGHT & 1 != 0 {
         let (part, part_error) = reflected_from_afar(&seen.surface, &seen.bounds, seen.view, stage.afar);
         radiance += part;
@@ -173,7 +185,8 @@ pub fn lit_radiance(
     (lit, diffuse): (u32, bool),
 ) -> (DVec3, DVec3) {
     let Seen { surface, view, point, bounds } = seen;
-    let (radiance, error) = reflected(surface, bounds, *view, (environment, lights, lit), point.position, stage.frame);
+    let lights: Vec<Light> = lights.iter().map(|light| light_at_time(light, stage.world.time)).collect();
+    let (radiance, error) = reflected(surface, bounds, *view, (environment, &lights, lit), point.position, stage.frame);
     if surface.unlit || !diffuse {
         return (radiance, error);
     }
@@ -219,7 +232,8 @@ fn reflected(
     let mut error = 4.0 * COLOR * surface.emissive.max(DVec3::ONE) + environment * (uniform_error + COLOR);
     let mut unsure = false;
     let weight = light_weight(frame);
-    for light in (0..frame.light_count).filter(|i| lit >> i & 1 != 0).map(|i| &lights[i as usize]) {
+    let lit = (0..frame.light_count).filter(|i| lit >> i & 1 != 0).map(|i| &lights[i as usize]);
+    for light in lit.filter(|light| light.shape != LIGHT_MESH) {
         let mut incident = light_at(light, position.to_array());
         incident.irradiance *= weight;
         let part = reflector.reflect_light(surface.normal, view, incident.direction);
@@ -255,6 +269,39 @@ fn reflected_from_afar(surface: &Surface, bounds: &Directions, view: DVec3, afar
             (part * irradiance, (part * (relative + IRRADIANCE) + absolute) * irradiance * (1.0 + IRRADIANCE))
         }
         None if irradiance == DVec3::ZERO => (DVec3::ZERO, DVec3::ZERO),
+        None => (part * irradiance, DVec3::INFINITY),
+    }
+}
+
+/// What the sample's point of what shines adds.
+fn reflected_from_emitter(
+    stage: &Stage<'_>,
+    surface: &Surface,
+    bounds: &Directions,
+    view: DVec3,
+    (shining, position): (&Shining<'_>, Vec3),
+) -> (DVec3, DVec3) {
+    let emitter = draw_emitter(stage, shining, &Light { shape: LIGHT_MESH, ..Light::default() }, position);
+    let material = stage.material(emitter.primitive);
+    let [u, v] = emitter.weights;
+    let emission = emission_at(material, &stage.spot(emitter.primitive, u, v).attributes(), stage.textures);
+    let incident = light_at(&emitter.light, position.to_array());
+    let weight = light_weight(stage.frame);
+    let irradiance = incident.irradiance * emission * weight;
+    let part = surface.reflector.reflect_light(surface.normal, view, incident.direction);
+    // The cosine at the lamp and the emission are off by as much whatever they are: bounds are of those without them.
+    let bare = light_at(&Light { shape: LIGHT_SHARP, ..emitter.light }, position.to_array()).irradiance * weight;
+    let most = Vec3::from(material.emissive).as_dvec3();
+    let id = shining.row()[0] & INSTANCE_MASK;
+    let lamp = normal_error(stage, id, emitter.primitive) + (41.0 + 64.0 + 64.0) * U;
+    let irradiance_error = bare * emission * (lamp + INTENSITY) + bare * most * 4.0 * COLOR;
+    let albedo = albedo_error(bounds);
+    match reflection_error(&surface.reflector, bounds, (surface.normal, view, incident.direction), albedo) {
+        Some((relative, absolute)) => {
+            let error = (part * relative + absolute) * (irradiance + irradiance_error) + part * irradiance_error;
+            (part * irradiance, error)
+        }
+        None if irradiance + irradiance_error == DVec3::ZERO => (DVec3::ZERO, DVec3::ZERO),
         None => (part * irradiance, DVec3::INFINITY),
     }
 }

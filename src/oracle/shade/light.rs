@@ -1,7 +1,7 @@
 //! Twin of `glsl/include/light.glsl`: punctual lights, and those that have an extent.
 
 use crate::oracle::lens::disc_point;
-use crate::shaders::{LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_POINT, LIGHT_SHARP, LIGHT_SPOT, Light};
+use crate::shaders::{LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_MESH, LIGHT_POINT, LIGHT_SHARP, LIGHT_SPOT, Light};
 use glam::{DVec3, Vec3};
 
 /// What a light sends to a point.
@@ -21,7 +21,7 @@ pub const IRRADIANCE_MAX: f64 = (1u64 << 60) as f64;
 /// One point of a light that has an extent, as a light, for coordinates in [0, 1): the mean over all is the light. In f32 and
 /// in the shader's order.
 pub fn light_point(light: &Light, at: [f32; 2]) -> Light {
-    if light.shape == LIGHT_SHARP {
+    if light.shape == LIGHT_SHARP || light.shape == LIGHT_MESH {
         return *light;
     }
     let [x, y] = if light.shape == LIGHT_DISC { disc_point(at) } else { at.map(|u| 2.0 * u - 1.0) };

@@ -123,6 +123,11 @@ fn mapped_normal(material: &Material, instance: &Instance, map: DVec4, normal: D
     unit_or(t * (m.x * scale) + b * (m.y * scale) + normal * m.z, normal)
 }
 
+/// Emitted radiance.
+pub fn emission_at(material: &Material, at: &Attributes, textures: &Textures) -> DVec3 {
+    Vec3::from(material.emissive).as_dvec3() * sample(&material.emissive_texture, at, textures, true).truncate()
+}
+
 /// The shading point of a hit. `geometric` is the unit world-space normal of the triangle's counter-clockwise side, `view`
 /// the unit vector to the viewer.
 pub fn surface_at(
@@ -137,7 +142,6 @@ pub fn surface_at(
     let base = base_color_at(material, &at, textures);
     let mr = sample(&material.metallic_roughness_texture, &at, textures, false);
     let open = sample(&material.occlusion_texture, &at, textures, false).x;
-    let emitted = sample(&material.emissive_texture, &at, textures, true).truncate();
     let n = spot.blend(spot.vertices.map(|x| decode_normal(x.normal)));
     let mut normal = unit_or(normal_to_world(instance, unit_or(n, DVec3::ZERO)), geometric);
     if material.normal_texture.texel_size != 0 {
@@ -156,7 +160,7 @@ pub fn surface_at(
             opaque: 1.0 - transmission_at(material, &at, textures),
         },
         alpha: if material.flags & (MATERIAL_MASK | MATERIAL_BLEND) != 0 { base.w } else { 1.0 },
-        emissive: Vec3::from(material.emissive).as_dvec3() * emitted,
+        emissive: emission_at(material, &at, textures),
         occlusion: (1.0 + f64::from(material.occlusion_strength) * (open - 1.0)).clamp(0.0, 1.0),
         unlit: material.flags & MATERIAL_UNLIT != 0,
         normal: normal * side,

@@ -8,7 +8,9 @@ mod ray;
 pub mod reference;
 
 pub use intersect::{TriangleHit, hit_children, hit_triangle};
-pub use ray::{Ray, SurfacePoint, in_range, offset_origin, surface_point, transform_direction, transform_point};
+pub use ray::{
+    Ray, SurfacePoint, in_range, offset_origin, surface_point, surface_point_at, transform_direction, transform_point,
+};
 
 use glam::Vec3;
 
@@ -24,6 +26,8 @@ pub struct World<'a> {
     pub tlas: &'a Tlas,
     /// The frame's instances, with the leaf order that [`Tlas::rebuild`] wrote.
     pub instances: &'a [shaders::Instance],
+    /// When the rays are, part of the way from the last frame, 0, to this one, 1: what moves is met where it is then.
+    pub time: f32,
 }
 
 /// What a ray found.
@@ -81,6 +85,22 @@ pub fn any_with_alpha(world: &World, query: &Query, exists: &dyn Fn(&Intersectio
     Walk::new(world, query).run(query, true, &Surfaces { exists, is_one_sided: &|_| false }).is_some()
 }
 
+/// What a ray costs that ends at the first hit it finds (`first`), or at the closest.
+pub fn cost(world: &World, query: &Query, first: bool, surfaces: &Surfaces<'_>) -> Cost {
+    let mut walk = Walk { log: Some(Cost::default()), ..Walk::new(world, query) };
+    walk.go(query, first, surfaces);
+    walk.log.unwrap_or_default()
+}
+
+/// What a ray costs.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Nodes that it visits.
+    pub nodes: u32,
+    /// Instance and slot of each triangle that it is tested against, in order.
+    pub tested: Vec<(u32, u32)>,
+}
+
 /// What a walk asks about the surfaces that it meets.
 #[derive(Clone, Copy)]
 pub struct Surfaces<'a> {
@@ -136,6 +156,7 @@ struct Walk<'a> {
     found: bool,
     group: Group,
     ray: Ray,
+    log: Option<Cost>,
 }
 
 impl<'a> Walk<'a> {
@@ -150,10 +171,16 @@ impl<'a> Walk<'a> {
             found: false,
             group: if usable { Group::ROOT } else { Group::default() },
             ray: Ray::new(query.origin, if usable { query.direction } else { Vec3::ONE }),
+            log: None,
         }
     }
 
     fn run(mut self, query: &Query, first: bool, surfaces: &Surfaces<'_>) -> Option<Intersection> {
+        self.go(query, first, surfaces);
+        self.found.then_some(self.best)
+    }
+
+    fn go(&mut self, query: &Query, first: bool, surfaces: &Surfaces<'_>) {
         for _ in 0..shaders::TRAVERSAL_STEPS {
             let mut primitives = self.group;
             if self.group.has_nodes() {
@@ -172,7 +199,6 @@ impl<'a> Walk<'a> {
                 break;
             }
         }
-        self.found.then_some(self.best)
     }
 
     /// Visits the next child of the group, which becomes the child's own; returns the child's primitives.
@@ -184,6 +210,9 @@ impl<'a> Walk<'a> {
         let index = node_base + self.group.base + (inner & ((1 << child) - 1)).count_ones();
         if self.group.has_nodes() {
             self.push(self.group);
+        }
+        if let Some(log) = &mut self.log {
+            log.nodes += 1;
         }
         let node = self.node(index);
         let hits = hit_children(node, &self.ray, self.best.t);
@@ -221,6 +250,9 @@ impl<'a> Walk<'a> {
     }
 
     fn test(&mut self, instance: u32, primitive: u32, surfaces: &Surfaces<'_>) {
+        if let Some(log) = &mut self.log {
+            log.tested.push((instance, primitive));
+        }
         let Some(hit) = hit_triangle(&self.ray, self.world.geometry.corners(primitive)) else { return };
         let back = hit.back;
         let hit = Intersection { instance, primitive, u: hit.u, v: hit.v, t: hit.t };
@@ -252,11 +284,10 @@ impl<'a> Walk<'a> {
             node_base: instance.node_base,
             triangle_base: instance.triangle_base,
         });
-        let origin = transform_point(&instance.to_object, query.origin);
-        let direction = transform_direction(&instance.to_object, query.direction);
-        let usable = in_range(origin, direction);
-        self.ray = Ray::new(origin, if usable { direction } else { Vec3::ONE });
-        self.group = if usable { Group::ROOT } else { Group::default() };
+        let ray = super::motion::ray_in(instance, self.world.time, query.origin, query.direction);
+        let (origin, direction) = ray.unwrap_or((query.origin, Vec3::ONE));
+        self.ray = Ray::new(origin, direction);
+        self.group = if ray.is_some() { Group::ROOT } else { Group::default() };
     }
 
     /// Goes on with what was put off last; false if nothing is left.

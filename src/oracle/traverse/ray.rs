@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use crate::oracle::motion::Placement;
+
 /// 2^-24.
 const UNIT_ROUNDOFF: f32 = 5.960_464_5e-8;
 /// 2^46.
@@ -101,14 +103,21 @@ pub struct SurfacePoint {
     pub error: f32,
 }
 
-/// The point with barycentric weights `u` of vertex 1 and `v` of vertex 2.
+/// The point with barycentric weights `u` of vertex 1 and `v` of vertex 2, of an instance whose matrices the host made.
 pub fn surface_point(
     to_relative: &[[f32; 4]; 3],
     to_object: &[[f32; 4]; 3],
-    [v0, v1, v2]: [Vec3; 3],
+    corners: [Vec3; 3],
     u: f32,
     v: f32,
 ) -> SurfacePoint {
+    let (to_relative, to_object) = (*to_relative, *to_object);
+    surface_point_at(&Placement { to_relative, to_object, slack: [[0.0; 4]; 3], flags: 0 }, corners, u, v)
+}
+
+/// The same of an instance wherever it is.
+pub fn surface_point_at(at: &Placement, [v0, v1, v2]: [Vec3; 3], u: f32, v: f32) -> SurfacePoint {
+    let Placement { to_relative, to_object, slack, .. } = at;
     let (e1, e2) = (v1 - v0, v2 - v0);
     let (a, b) = (u * e1, v * e2);
     let p = v0 + (a + b);
@@ -121,6 +130,7 @@ pub fn surface_point(
     let back = Vec3::new(to_object[0][3], to_object[1][3], to_object[2][3]).abs();
     let lost =
         UNIT_ROUNDOFF * (4.0 * across + p.abs() + 11.0 * transform_magnitude(to_object, reach, 0.0) + 5.0 * back);
+    let lost = lost + UNIT_ROUNDOFF * transform_magnitude(slack, reach, 0.0);
     let height = n.abs().dot(lost) + 10.0 * UNIT_ROUNDOFF * (left.abs() + right.abs()).dot(across);
     let row = |i: usize| Vec3::new(to_object[i][0], to_object[i][1], to_object[i][2]);
     let normal = n.x * row(0) + n.y * row(1) + n.z * row(2);

@@ -4,6 +4,7 @@
 //! seed give the same scene, bit for bit, on one platform.
 
 mod ashtray;
+mod billiards;
 mod bump;
 mod cornell;
 mod font;
@@ -35,12 +36,16 @@ pub const NAMES: &[(&str, &str)] = &[
     ("spheres", "metal and plastic balls over a checkered floor, with moving instances (?beads=0..4096)"),
     ("cornell", "the Cornell box with a point light"),
     ("ashtray", "thick glass with bubbles of air and a marble in it (?bubbles=0..64)"),
-    ("penumbra", "soft shadows under a square luminaire (?light=0..800, its side in centimetres)"),
+    (
+        "penumbra",
+        "soft shadows under a square luminaire (?light=0..800, its side in centimetres), or of shining balls (?lamps=1..3, with emitters)",
+    ),
     (
         "skylight",
         "a yard under sky and sun (?turbidity=17..100, in tenths, &azimuth=0..359, &elevation=0..90, of the sun in degrees)",
     ),
     ("mist", "trees in the way of a low sun, in a layer of mist that drifts (?density=0..100, in tenths of the usual)"),
+    ("billiards", "balls that roll over a pool table, blurred by it (?rings=4..256, of a ball)"),
     ("furnace", "white balls in white light, of which nothing may show (?albedo=0..100, per cent)"),
     ("strands", "flat unlit strands 0.3 to 1 pixel wide whose exact coverage is known (?count=1..64)"),
 ];
@@ -65,10 +70,11 @@ pub fn load(name: &str, seed: u32) -> Result<Scene> {
     let one = |parameter| Ok::<_, Error>(parameters(scene, query, std::slice::from_ref(parameter))?[0]);
     match scene {
         "hairball" => Ok(hairball::build(one(&hairball::STRANDS)?, seed)),
+        "billiards" => Ok(billiards::build(one(&billiards::RINGS)?, seed)),
         "furnace" => Ok(furnace::build(one(&furnace::ALBEDO)?)),
         "ashtray" => Ok(ashtray::build(one(&ashtray::BUBBLES)?)),
         "mist" => Ok(mist::build(one(&mist::DENSITY)?)),
-        "penumbra" => Ok(penumbra::build(one(&penumbra::LIGHT)?)),
+        "penumbra" => Ok(penumbra::build(&parameters(scene, query, &penumbra::PARAMETERS)?)),
         "skylight" => skylight::build(&parameters(scene, query, &skylight::PARAMETERS)?),
         "spheres" => Ok(spheres::build(one(&spheres::BEADS)?, seed)),
         "strands" => Ok(strands::build(one(&strands::COUNT)?, seed)),

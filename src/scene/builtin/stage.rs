@@ -93,7 +93,7 @@ impl Stage {
         let rotation = look_along(target - eye);
         let local = LocalTransform::Trs { translation: eye, rotation, scale: DVec3::ONE };
         let node = self.node("main", None, local);
-        self.scene.cameras.push(Camera { name: "main".to_owned(), node, yfov, lens: Lens::PINHOLE });
+        self.scene.cameras.push(Camera { name: "main".to_owned(), node, yfov, lens: Lens::PINHOLE, shutter: 0.0 });
     }
 
     pub(super) fn finish(self) -> Scene {

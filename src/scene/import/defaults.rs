@@ -47,7 +47,13 @@ impl Scene {
         if self.cameras.is_empty() {
             let view = self.framing_view();
             let node = self.add_root("framed", view.position, view.rotation);
-            self.cameras.push(Camera { name: "framed".to_owned(), node, yfov: view.yfov, lens: view.lens });
+            self.cameras.push(Camera {
+                name: "framed".to_owned(),
+                node,
+                yfov: view.yfov,
+                lens: view.lens,
+                shutter: view.shutter,
+            });
         }
         let shines = |light: &Light| light.intensity > 0.0 && light.color.max_element() > 0.0;
         let from_afar = self.environment.radiance != Vec3::ZERO || self.environment_map.is_some();
@@ -72,7 +78,7 @@ impl Scene {
         };
         let distance = (0..8).map(distance).fold(0.0, f64::max) * MARGIN;
         let distance = if distance > 0.0 { distance } else { 1.0 }; // a single point is seen from some distance
-        View { position: center + back * distance, rotation, yfov: YFOV, lens: Lens::PINHOLE }
+        View { position: center + back * distance, rotation, yfov: YFOV, lens: Lens::PINHOLE, shutter: 0.0 }
     }
 
     /// Takes back the light that [`complete`](Self::complete) stood in, for who brings light of their own.

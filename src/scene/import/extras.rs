@@ -1,7 +1,7 @@
 //! What glTF has no words for: `extras.stillray` of cameras, materials, punctual lights and scenes.
 //!
 //! ```json
-//! "cameras": [{ ..., "extras": { "stillray": { "aperture": 0.05, "focus": 4.0, "blades": 6 } } }]
+//! "cameras": [{ ..., "extras": { "stillray": { "aperture": 0.05, "focus": 4.0, "blades": 6, "shutter": 0.5 } } }]
 //! "materials": [{ ..., "extras": { "stillray": { "exponent": 2048 } } }]
 //! "lights": [{ ..., "extras": { "stillray": { "shape": "rectangle", "width": 1.2, "height": 0.6 } } }]
 //! "scenes": [{ ..., "extras": { "stillray": { "environment": { "file": "sky.exr", "scale": 1.0, "turn": 90 } } } }]
@@ -22,15 +22,16 @@ use crate::Result;
 use crate::scene::medium::{DENSEST, FARTHEST, Medium, Mist, Region};
 use crate::scene::{EnvironmentMap, Lens, LightKind, LightShape, Scene};
 
-/// The lens of a camera.
-pub(super) fn lens(document: &Document, camera: usize) -> Result<Lens> {
-    let Some(extras) = Extras::of(document, &["cameras"], camera)? else { return Ok(Lens::PINHOLE) };
-    extras.only(&["aperture", "focus", "blades"])?;
+/// The lens of a camera, and its shutter.
+pub(super) fn camera(document: &Document, camera: usize) -> Result<(Lens, f64)> {
+    let Some(extras) = Extras::of(document, &["cameras"], camera)? else { return Ok((Lens::PINHOLE, 0.0)) };
+    extras.only(&["aperture", "focus", "blades", "shutter"])?;
     let aperture = extras.number("aperture", "at least 0, in metres", |n| n >= 0.0)?.unwrap_or(0.0);
     let focus = extras.number("focus", "above 0, in metres", |n| n > 0.0)?.unwrap_or(f64::INFINITY);
     let is_blades = |n: f64| n == 0.0 || (n.fract() == 0.0 && (3.0..=16.0).contains(&n));
     let blades = extras.number("blades", "0 or a whole number from 3 to 16", is_blades)?.unwrap_or(0.0);
-    Ok(Lens { aperture, focus, blades: blades as u32 })
+    let shutter = extras.number("shutter", "from 0 to 1, in frames", |n| (0.0..=1.0).contains(&n))?.unwrap_or(0.0);
+    Ok((Lens { aperture, focus, blades: blades as u32 }, shutter))
 }
 
 /// Exponent of a material's Phong lobe; 0 if it has none.

@@ -118,8 +118,8 @@ pub(super) fn import_cameras(document: &Document, placed: &[Placed], scene: &mut
             return Err(document.bad(message + ": repair it"));
         }
         let name = name_or("camera", index, camera.name.as_deref().or(name));
-        let lens = extras::lens(document, index)?;
-        scene.cameras.push(Camera { name, node, yfov, lens });
+        let (lens, shutter) = extras::camera(document, index)?;
+        scene.cameras.push(Camera { name, node, yfov, lens, shutter });
     }
     Ok(())
 }
