@@ -111,7 +111,7 @@ pub fn shadow_query(stage: &Stage<'_>, light: &Light, found: &Found, doubtful: &
         if near_zero(away, towards) {
             doubtful.set(true);
         }
-        if !(away < 0.0) {
+        if away.is_nan() || away >= 0.0 {
             return None;
         }
     }
