@@ -203,9 +203,9 @@ fn methods_are_measured_beside_the_papers() {
     let scores: Value = serde_json::from_slice(&fs::read(dir.path().join("r/reproduce.json")).unwrap()).unwrap();
     assert_eq!(scores.as_array().unwrap().len(), 6);
     // Every picture that is shown is there: figure 6 has four, figure 8 fourteen in each of three scenes, figure 10 three;
-    // and paper 2's figure 16 two for each of eight strategies.
+    // and paper 2's figure 16 two for each of eight strategies, its figures 17 to 20 one each.
     let shown: BTreeSet<&str> = text.split("](").skip(1).filter_map(|rest| rest.split(')').next()).collect();
-    assert_eq!(shown.len(), 4 + 3 * 14 + 3 + 2 * 8, "{shown:?}");
+    assert_eq!(shown.len(), 4 + 3 * 14 + 3 + 2 * 8 + 4, "{shown:?}");
     assert!(shown.iter().all(|file| dir.path().join("r").join(file).is_file()), "{shown:?}");
     assert!(row("| 4 | here |").matches('|').count() == 8, "{text}");
     refused(dir.path(), "reproduce --methods magic:1", 2, "--methods");

@@ -416,7 +416,7 @@ mod tests {
     fn what_is_varied_is_there_to_vary() {
         let plain = builtin::load(SCENE.trim_start_matches("builtin:"), 0).unwrap();
         let scene = set(&plain);
-        assert!(scene.cameras.iter().all(|c| c.lens.aperture == APERTURE && c.lens.focus > 1.0));
+        assert!(scene.cameras.iter().all(|c| c.lens.aperture == APERTURE && c.lens.focus > 0.5));
         assert!(scene.materials.iter().filter(|m| f64::from(m.exponent) == EXPONENT).count() > 3);
         assert_eq!(scene.materials.iter().filter(|m| m.transmits()).count(), 1);
         for (light, pose) in scene.lights.iter().zip(scene.pose(0.0).lights) {
