@@ -142,7 +142,9 @@ uint lights_reaching(Found f, uint slot, uint h, out uint rays) {
 #endif
 #ifdef EMITTER
             if (light.shape == LIGHT_MESH) {
-                light = draw_emitter(light, at, seed_bits(seed, PAIR_CHOICE).y, point.position).light;
+                uint draw = seed_bits(seed, PAIR_CHOICE).y;
+                float pick = seed_pair(seed, PAIR_EMITTER).x;
+                light = draw_emitter(light, at, draw, pick, point).light;
             }
 #endif
         }

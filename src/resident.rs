@@ -110,21 +110,25 @@ impl ResidentScene {
     }
 
     /// Lights of a frame: those of the scene, and with `emitters` all triangles that shine, together.
-    pub(crate) fn light_count(&self, emitters: bool) -> usize {
-        self.lights.len() + usize::from(emitters && self.emitters > 0)
+    pub(crate) fn light_count(&self, emitters: u32) -> usize {
+        self.lights.len() + usize::from(emitters > 0 && self.emitters > 0)
     }
 
     /// Whether a bit is left for what shines.
     ///
     /// # Errors
     /// [`Error::Setting`] if there is none.
-    pub(crate) fn check_emitters(&self, emitters: bool) -> Result<()> {
+    pub(crate) fn check_emitters(&self, emitters: u32) -> Result<()> {
         let most = MAX_LIGHTS - usize::from(self.requirements.cause(Feature::EnvironmentMap).is_some());
         if self.light_count(emitters) <= most {
             return Ok(());
         }
-        let expected = format!("a scene with fewer than {most} lights besides what shines, or emitters off");
-        Err(Error::Setting { name: "emitters", value: format!("on with {} lights", self.lights.len()), expected })
+        let expected = format!("a scene with fewer than {most} lights besides what shines, or emitters = 0");
+        Err(Error::Setting {
+            name: "emitters",
+            value: format!("{emitters} with {} lights", self.lights.len()),
+            expected,
+        })
     }
 
     /// Where the top level goes: the start of the node buffer.

@@ -100,7 +100,7 @@ fn mean_integral(scene: &Scene, pose: &Pose, parts: u32, emission: impl Fn(f64, 
 }
 
 fn settings(method: Method) -> Settings {
-    let base = Settings { size: SIZE, float_output: true, hold: Hold::Frame, emitters: true, ..Settings::of(method) };
+    let base = Settings { size: SIZE, float_output: true, hold: Hold::Frame, emitters: 8, ..Settings::of(method) };
     Settings { spp: 16, density: 16.0, jitter: true, ..base }
 }
 
@@ -134,8 +134,10 @@ fn what_shines_lights_up_the_floor_as_its_integral_says() {
         let pose = scene.pose(0.0);
         // The square is smooth, and facets of the ball are small.
         let expected = mean_integral(&scene, &pose, if name == "ball" { 4 } else { 24 }, |_, _| 1.0);
-        for method in [Method::Supersample, Method::Stable] {
-            assert_agrees(&format!("{name} {}", method.name()), measured(&scene, &pose, &settings(method)), expected);
+        for (method, emitters) in [(Method::Supersample, 1), (Method::Supersample, 8), (Method::Stable, 8)] {
+            let settings = Settings { emitters, ..settings(method) };
+            let name = format!("{name}, {emitters} drawn, {}", method.name());
+            assert_agrees(&name, measured(&scene, &pose, &settings), expected);
         }
     }
 }
@@ -216,7 +218,7 @@ fn what_rays_find_is_not_counted_twice() {
         let view = look(DVec3::new(0.0, 1.5, 4.0), DVec3::new(0.0, 0.0, 0.5), 0.15);
         (Build::new(0.0).square(wall, trs(DVec3::ZERO, face_up, 8.0)).square(shining(5.0), lamp).camera(&view), view)
     };
-    let mean = |(scene, view): (Scene, View), gloss: f32, emitters: bool| {
+    let mean = |(scene, view): (Scene, View), gloss: f32, emitters: u32| {
         let settings = Settings { gloss, emitters, ..settings(Method::Supersample) };
         let mut stage = Stage::new(scene, &settings);
         let all = SIZE[0] * SIZE[1];
@@ -227,20 +229,20 @@ fn what_rays_find_is_not_counted_twice() {
         [mean, (variance / f64::from(FRAMES)).sqrt()]
     };
     // A mirror has no diffuse part: the same to the bit.
-    assert_eq!(mean(room(1.0, 0.0), 1.0, true), mean(room(1.0, 0.0), 1.0, false));
-    assert!(mean(room(1.0, 0.0), 1.0, false)[0] > 0.5, "the lamp is seen in it");
+    assert_eq!(mean(room(1.0, 0.0), 1.0, 8), mean(room(1.0, 0.0), 1.0, 0));
+    assert!(mean(room(1.0, 0.0), 1.0, 0)[0] > 0.5, "the lamp is seen in it");
     // Of a rough floor both ways to the lamp's light are the same in the mean, but for what is scattered more than once between
     // facets, which only rays bring: below a hundredth at this roughness, even of metal.
     for (metallic, roughness) in [(0.0, 0.4), (1.0, 0.2)] {
         let room = || room(metallic, roughness);
-        let [[lobe, a], [light, b]] = [mean(room(), 1.0, true), mean(room(), 0.0, true)];
+        let [[lobe, a], [light, b]] = [mean(room(), 1.0, 8), mean(room(), 0.0, 1)];
         println!("by rays {lobe:.5} +- {a:.5}, by points of the lamp {light:.5} +- {b:.5}");
         let close = |x: f64| (x - light).abs() < 5.0 * a.hypot(b) + 0.01 * light;
         assert!(close(lobe) && !close(1.05 * lobe), "{lobe} {light}");
     }
     // Negative control: a lamp that is counted twice is half as bright again at least.
-    let diffuse = mean(room(0.0, 0.4), 1.0, false)[0];
-    assert!(mean(room(0.0, 0.4), 1.0, true)[0] > 1.1 * diffuse, "the diffuse part is lit by the lamp only");
+    let diffuse = mean(room(0.0, 0.4), 1.0, 0)[0];
+    assert!(mean(room(0.0, 0.4), 1.0, 8)[0] > 1.1 * diffuse, "the diffuse part is lit by the lamp only");
 }
 
 /// A floor under a lamp and beside a wall: direct light by diffuse paths or by points of the lamp, and light by way of the wall.
@@ -254,15 +256,15 @@ fn diffuse_paths_do_not_bring_once_more_what_is_a_light() {
     let wall = trs(DVec3::new(-1.5, 0.0, 0.0), DQuat::from_rotation_y(FRAC_PI_2), 4.0);
     let room = Build::new(0.0).square(matt(), trs(DVec3::ZERO, face_up, 20.0));
     let scene = room.square(matt(), wall).square(shining(5.0), lamp).camera(&below());
-    let light = |depth: u32, emitters: bool| {
+    let light = |depth: u32, emitters: u32| {
         let base = Settings { emitters, ..settings(Method::Supersample) };
         measured(&scene, &scene.pose(0.0), &Settings { indirect: Indirect { depth, ..base.indirect }, ..base })
     };
-    let [[direct, a], [all, b]] = [0, 1].map(|depth| light(depth, true));
+    let [[direct, a], [all, b]] = [0, 1].map(|depth| light(depth, 8));
     println!("lamp {direct:.5}, with the wall's light {all:.5}");
     assert!(all > direct + 50.0 * a.hypot(b), "the wall's light is seen");
     for (depth, drawn, a) in [(1, direct, a), (2, all, b)] {
-        let [found, b] = light(depth, false);
+        let [found, b] = light(depth, 0);
         println!("{depth} rays: drawn {drawn:.5} +- {a:.5}, found {found:.5} +- {b:.5}");
         let close = |x: f64| (x - drawn).abs() < 5.0 * a.hypot(b) + drawn / 21.0 / 0.8;
         assert!(close(found), "{found} {drawn}");
@@ -275,20 +277,20 @@ fn diffuse_paths_do_not_bring_once_more_what_is_a_light() {
 fn what_is_not_asked_for_changes_nothing() {
     for scene in [two_lamps(), ball_lamp()] {
         for method in [Method::Supersample, Method::Stable] {
-            let pixels = |emitters: bool, modelling: Modelling| {
+            let pixels = |emitters: u32, modelling: Modelling| {
                 let settings = Settings { emitters, modelling, ..settings(method) };
                 let mut stage = Stage::new(scene.clone(), &settings);
                 (0..3).map(|_| stage.frame(below()).data).collect::<Vec<_>>()
             };
-            assert!(pixels(true, Modelling::Required) == pixels(true, Modelling::All));
-            assert!(pixels(false, Modelling::Required) == pixels(false, Modelling::All));
-            assert!(pixels(false, Modelling::Required).concat().iter().step_by(4).all(|x| *x == 0.0), "black");
+            assert!(pixels(8, Modelling::Required) == pixels(8, Modelling::All));
+            assert!(pixels(0, Modelling::Required) == pixels(0, Modelling::All));
+            assert!(pixels(0, Modelling::Required).concat().iter().step_by(4).all(|x| *x == 0.0), "black");
         }
     }
     // Nothing shines: nothing is added.
     let dark = || floor().light(LightKind::Point, DVec3::Y * 2.0, DVec3::NEG_Y, 5.0).camera(&below());
     let pixels = |emitters| Stage::new(dark(), &Settings { emitters, ..settings(Method::Stable) }).frame(below()).data;
-    assert!(pixels(true) == pixels(false));
+    assert!(pixels(8) == pixels(0));
 }
 
 #[test]
@@ -311,7 +313,7 @@ fn there_is_a_bit_for_what_shines_or_a_message() {
         let light = |build: Build, _| build.light(LightKind::Point, DVec3::Y, DVec3::NEG_Y, 1.0);
         (0..count).fold(floor().square(shining(1.0), trs(DVec3::Y, DQuat::IDENTITY, 1.0)), light).camera(&below())
     };
-    let fails = |count: u32, emitters: bool| {
+    let fails = |count: u32, emitters: u32| {
         let device = stillray::headless::Device::with_options(&stillray::gpu::ContextOptions {
             device: None,
             validation: false,
@@ -322,8 +324,8 @@ fn there_is_a_bit_for_what_shines_or_a_message() {
         let settings = Settings { emitters, ..settings(Method::Stable) };
         stillray::headless::Session::new(&device, &loaded, &settings).err().map(|e| e.to_string())
     };
-    assert_eq!(fails(31, true), None);
-    assert_eq!(fails(32, false), None);
-    let message = fails(32, true).unwrap();
+    assert_eq!(fails(31, 8), None);
+    assert_eq!(fails(32, 0), None);
+    let message = fails(32, 8).unwrap();
     assert!(message.contains("emitters") && message.contains("fewer than 32 lights"), "{message}");
 }

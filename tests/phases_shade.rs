@@ -313,7 +313,8 @@ fn what_shines_is_shaded_as_the_twin_does() {
         let device = Device::shining(Draw::random(random));
         let draw = device.draw.as_ref().unwrap();
         let plain = || Theatre::wide(SIZE, &mut Random::new(240 + seed));
-        let shining = || plain().under_a_map(&mut Random::new(250 + seed)).shining();
+        let draws = [1, 8, 2][seed as usize % 3];
+        let shining = || plain().under_a_map(&mut Random::new(250 + seed)).shining(draws);
         let seen = shining().drawn(draw);
         let list = random_list(&seen, seed, 4000);
         let wants = twins(&seen, &list);
@@ -322,11 +323,13 @@ fn what_shines_is_shaded_as_the_twin_does() {
             panic!("{what} of {:?}: {:?} against {:?}", list[i], got[i], wants[i]);
         }
         unsure += wants.iter().flatten().filter(|s| !s.error.is_finite()).count();
-        // Negative controls: another point, another triangle, and nothing that shines.
+        // Negative controls: another point, another triangle, another of the draws, and nothing that shines.
         let colour_of = |theatre: &Theatre| problems(&got, &twins(theatre, &list)).any(|(_, p)| p == "colour");
-        let (at, which) = seen.shining_at;
-        assert!(colour_of(&Theatre { shining_at: (at.map(|x| 1.0 - x), which), ..shining().drawn(draw) }));
-        assert!(colour_of(&Theatre { shining_at: (at, which ^ 1 << 31), ..shining().drawn(draw) }));
+        let (at, which, pick) = seen.shining_at;
+        assert!(colour_of(&Theatre { shining_at: (at.map(|x| 1.0 - x), which, pick), ..shining().drawn(draw) }));
+        assert!(colour_of(&Theatre { shining_at: (at, which ^ 1 << 31, pick), ..shining().drawn(draw) }));
+        let other = if pick < 0.5 { 0.99 } else { 0.01 };
+        assert_eq!(colour_of(&Theatre { shining_at: (at, which, other), ..shining().drawn(draw) }), draws > 1);
         let mut dark = shining().drawn(draw);
         dark.lights.last_mut().unwrap().shape = shaders::LIGHT_SHARP;
         assert!(colour_of(&dark));

@@ -251,15 +251,21 @@ fn what_shines_is_seen_as_the_twin_sees_it() {
         let device = Device::shining(Draw::random(random));
         let draw = device.draw.as_ref().unwrap();
         let plain = || Theatre::wide(SIZE, &mut Random::new(290 + seed));
-        let seen = plain().shining().drawn(draw);
+        let draws = [1, 8, 2][seed as usize % 3];
+        let shining = || plain().shining(draws);
+        let seen = shining().drawn(draw);
         let list = random_list(&seen, seed, 4000);
-        let got = device.run(&plain().shining(), &list);
+        let got = device.run(&shining(), &list);
         differing += compare(&seen, true, &list, &twins(&seen, &list, true), &got).unwrap();
         reached += got.0.iter().filter(|bits| *bits >> plain().lights.len() & 1 != 0).count();
-        // Negative controls: another triangle or another point of it, and nothing that shines.
-        let (at, which) = seen.shining_at;
-        for other in [(at.map(|x| 1.0 - x), which), (at, which ^ 1 << 31)] {
-            let wrong = Theatre { shining_at: other, ..plain().shining().drawn(draw) };
+        // Negative controls: another triangle or another point of it, another of the draws, and nothing that shines.
+        let (at, which, pick) = seen.shining_at;
+        let mut others = vec![(at.map(|x| 1.0 - x), which, pick), (at, which ^ 1 << 31, pick)];
+        if draws > 1 {
+            others.push((at, which, if pick < 0.5 { 0.99 } else { 0.01 }));
+        }
+        for other in others {
+            let wrong = Theatre { shining_at: other, ..shining().drawn(draw) };
             assert!(compare(&wrong, true, &list, &twins(&wrong, &list, true), &got).is_err());
         }
         let dark = plain().drawn(draw);

@@ -40,7 +40,7 @@ GROUPS = {
 EFFECTS = [
     ("a lens", ["builtin:spheres"], ["builtin:spheres", "--aperture", "0.25", "--focus", "7"]),
     ("a square luminaire", ["builtin:penumbra?light=0"], ["builtin:penumbra"]),
-    ("lamps that are meshes", ["builtin:penumbra?lamps=3"], ["builtin:penumbra?lamps=3", "--set", "emitters=true"]),
+    ("lamps that are meshes", ["builtin:penumbra?lamps=3"], ["builtin:penumbra?lamps=3", "--set", "emitters=8"]),
     ("light from a sky", ["builtin:penumbra"], ["builtin:penumbra", "--sky", "3"]),
     ("gloss", ["builtin:spheres"], ["builtin:spheres", "--set", "gloss=1"]),
     ("glass", ["builtin:ashtray", "--set", "path.depth=1"], ["builtin:ashtray", "--set", "path.depth=3"]),

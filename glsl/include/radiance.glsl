@@ -122,7 +122,7 @@ vec3 beyond_radiance(vec3 direction) {
 // scattered a shadow ray has asked for it, straight through what transmits.
 vec3 emission(Surface s) {
 #if defined(EMITTER) && defined(DIFFUSE) && !defined(AT_CAMERA)
-    bool is_light = (frame.data.flags & FRAME_EMITTERS) != 0u;
+    bool is_light = frame.data.emitters > 0u;
     return is_light && !path_mirrored ? vec3(0.0) : s.emissive;
 #else
     return s.emissive;
@@ -131,8 +131,8 @@ vec3 emission(Surface s) {
 
 #ifdef EMITTER
 // The sample's point of what shines. A ray that the lobe is followed by finds what shines by itself.
-Light emitter_light(Light light, uint seed, vec2 at, vec3 receiver) {
-    Emitter e = draw_emitter(light, at, seed_bits(seed, PAIR_CHOICE).y, receiver);
+Light emitter_light(Light light, uint seed, vec2 at, SurfacePoint receiver) {
+    Emitter e = draw_emitter(light, at, seed_bits(seed, PAIR_CHOICE).y, seed_pair(seed, PAIR_EMITTER).x, receiver);
     Triangle t = triangles.data[e.primitive];
     Attributes there = attributes_at(vertices.data[t.vertex0], vertices.data[t.vertex1], vertices.data[t.vertex2], e.weights.x, e.weights.y);
     e.light.intensity = min(emission_at(materials.data[t.material], there) * e.light.intensity, vec3(INTENSITY_MAX));
@@ -167,7 +167,7 @@ vec3 radiance_of(Seen seen, uint seed, uint lit_bits, bool rays, bool diffuse) {
 #ifdef EMITTER
             bool shines = light.shape == LIGHT_MESH;
             if (shines) {
-                light = emitter_light(light, seed, at, seen.point.position);
+                light = emitter_light(light, seed, at, seen.point);
             }
 #else
             const bool shines = false;

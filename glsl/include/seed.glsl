@@ -22,6 +22,7 @@ const uint PAIR_LIGHT = 3u;
 const uint PAIR_ENVIRONMENT = 5u;
 const uint PAIR_LOBE = 4u;
 const uint PAIR_CHOICE = 6u;  // which lobe, and which triangle that shines
+const uint PAIR_EMITTER = 7u;  // which of several
 
 #ifdef DIFFUSE
 const uint PAIR_DIFFUSE = 0u;  // a diffuse path's directions: pair 0 is free behind the camera

@@ -314,9 +314,9 @@ struct Frame {
     uint indirect_count;   // paths that a mean counts for at most while something moves
     float indirect_clamp;  // radiance that a path brings at most; 0: no limit
     float shutter;         // part of the time from the last frame to this one for which the shutter is open, at its end: 0..1
+    uint emitters;         // points of what shines that are drawn a sample, of which one gets a shadow ray; 0: it is no light
     uint padding0;
     uint padding1;
-    uint padding2;
 };
 
 const uint FRAME_RESET = 1u;    // the cache is empty: a camera cut
@@ -324,7 +324,6 @@ const uint FRAME_SETTLED = 2u;  // nothing has moved for two frames: keep the sa
 const uint FRAME_PAPER_EDGES = 4u;  // Equation 1 decides everywhere, beside hidden samples too
 const uint FRAME_NEAREST = 8u;  // textures are not filtered
 const uint FRAME_QUARTERS = 16u;  // a subpixel is a quarter of a pixel (M = 2), not a sixteenth (M = 4)
-const uint FRAME_EMITTERS = 2048u;  // what shines is sampled as a light
 const uint FRAME_LIT_ALIKE = 1024u;  // nothing has moved for long that light falls on or comes from
 const uint FRAME_PATHS_MIXED = 256u;  // secondary rays are listed in the order of samples, whatever their kind
 const uint FRAME_PATHS_SPREAD = 512u;  // every sample has a thread in every step of paths, whether it has a ray or not

@@ -67,9 +67,6 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
     if settings.fills() {
         flags |= shaders::FRAME_FILL;
     }
-    if settings.emitters {
-        flags |= shaders::FRAME_EMITTERS;
-    }
     if moment.lit_for > forgetting(settings.indirect.alpha) {
         flags |= shaders::FRAME_LIT_ALIKE;
     }
@@ -103,6 +100,7 @@ pub fn frame(settings: &Settings, storage: &Storage, environment: &Environment, 
         gloss: settings.gloss,
         part: settings.path_part,
         path_depth: settings.path_depth,
+        emitters: settings.emitters,
         indirect: settings.indirect.depth,
         indirect_alpha: settings.indirect.alpha,
         indirect_count: lasting(settings.indirect.alpha),

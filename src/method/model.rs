@@ -45,7 +45,7 @@ impl Model {
         let lens = feature(Feature::Lens).or_else(all);
         let area = feature(Feature::AreaLights).or_else(all);
         let environment = feature(Feature::EnvironmentMap).or_else(all);
-        let emitter = feature(Feature::EmissiveSurfaces).filter(|_| settings.emitters).or_else(all);
+        let emitter = feature(Feature::EmissiveSurfaces).filter(|_| settings.emitters > 0).or_else(all);
         let deform = feature(Feature::SkinnedMeshes).or_else(|| feature(Feature::MorphedMeshes)).or_else(all);
         let medium = feature(Feature::Medium).or_else(all);
         let counts = settings.count.then(|| "rays are counted".to_owned());

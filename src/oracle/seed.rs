@@ -24,6 +24,8 @@ pub fn new_seed([x, y]: [u32; 2], number: u32) -> u32 {
 pub const PAIR_LOBE: u32 = 4;
 /// See [`PAIR_LENS`]: which lobe, and which triangle that shines.
 pub const PAIR_CHOICE: u32 = 6;
+/// Dimensions of which of several points of what shines is taken.
+pub const PAIR_EMITTER: u32 = 7;
 
 /// The seed by which a later step of a sample's path is drawn.
 pub fn path_seed(seed: u32, step: u32) -> u32 {

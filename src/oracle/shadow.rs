@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use glam::Vec3;
 
-use super::emitter::draw_emitter;
+use super::emitter::{Receiver, draw_emitter};
 use super::motion::light_at_time;
 use super::random::{hash_combine, hash_uint};
 use super::stage::{Stage, U, normal_error};
@@ -91,7 +91,12 @@ pub fn light_weight(frame: &Frame) -> f64 {
 pub fn shadow_query(stage: &Stage<'_>, light: &Light, found: &Found, doubtful: &Cell<bool>) -> Option<Query> {
     let point = stage.surface(found.instance, found.primitive, found.u, found.v);
     let shines = stage.shining.filter(|_| light.shape == LIGHT_MESH);
-    let drawn = shines.map(|shining| draw_emitter(stage, &shining, light, point.position).light);
+    let receiver = Receiver { point, error: normal_error(stage, found.instance, found.primitive) };
+    let emitter = shines.map(|shining| draw_emitter(stage, &shining, light, &receiver));
+    if emitter.is_some_and(|emitter| emitter.doubtful) {
+        doubtful.set(true);
+    }
+    let drawn = emitter.map(|emitter| emitter.light);
     let light = &drawn.unwrap_or_else(|| light_at_time(light, stage.world.time));
     let directional = light.kind == LIGHT_DIRECTIONAL;
     let target = Vec3::from(light.position);

@@ -52,8 +52,8 @@ pub struct Settings {
     pub tiling: Tiling,
     /// What the places of samples on lenses and lights belong to.
     pub hold: Hold,
-    /// Triangles that shine are lights, with shadow rays, and not only seen.
-    pub emitters: bool,
+    /// Points of triangles that shine which are drawn a sample, of which one gets a shadow ray, 0 to 32; 0: they light up nothing.
+    pub emitters: u32,
     /// Secondary rays of a path at most, 0 to 8.
     pub path_depth: u32,
     /// Surfaces of at most this perceptual roughness send reflection rays, 0 to 1; 0: only those do that transmit or have Phong's lobe.
@@ -98,7 +98,7 @@ impl Default for Settings {
             sampler: Strategy::Sobol,
             tiling: Tiling::Sudoku,
             hold: Hold::Sample,
-            emitters: false,
+            emitters: 0,
             path_depth: 3,
             gloss: 0.0,
             path_part: 0.25,

@@ -335,15 +335,16 @@ pub static KNOBS: &[Knob] = &[
     },
     Knob {
         name: "emitters",
-        about: "triangles that shine light up what is around them, as one more light with a shadow ray, and are not only seen",
-        unit: "",
-        trades: "on: light from lamps that are meshes, with soft shadows, for a ray a sample, and noise",
-        domain: Domain::Switch { at: |s| &mut s.emitters },
+        about: "points of triangles that shine which are drawn a sample, of which one gets a shadow ray; 0: they are only seen, and \
+                light up nothing",
+        unit: "points",
+        trades: "above 0: light from lamps that are meshes, for a ray a sample; more: less noise, for a look at each point",
+        domain: Domain::Count { min: 0, max: 32, at: |s| &mut s.emitters },
         applies: any,
         rays: true,
         // What gives light is for the user to say: a search would leave it out.
-        distinct: |_, value| value == Switch(false),
-        ladder: &[Switch(false), Switch(true)],
+        distinct: |_, value| value == Count(0),
+        ladder: &[Count(0), Count(1), Count(8)],
     },
     Knob {
         name: "gloss",

@@ -18,7 +18,7 @@ use stillray::oracle::environment::Afar;
 use stillray::oracle::lens::lens_point;
 use stillray::oracle::motion::{frame_time, light_at_time};
 use stillray::oracle::seed::{
-    PAIR_CHOICE, PAIR_ENVIRONMENT, PAIR_LENS, PAIR_LIGHT, PAIR_TIME, new_seed, seed_bits, seed_pair,
+    PAIR_CHOICE, PAIR_EMITTER, PAIR_ENVIRONMENT, PAIR_LENS, PAIR_LIGHT, PAIR_TIME, new_seed, seed_bits, seed_pair,
 };
 use stillray::oracle::shade::light::light_point;
 use stillray::oracle::shade::texture::Textures;
@@ -60,7 +60,7 @@ pub struct Theatre {
     pub environment: Vec<u32>,
     pub afar_at: [u32; 2],
     /// Where all samples lie on what shines: on a triangle, and which one.
-    pub shining_at: ([f32; 2], u32),
+    pub shining_at: ([f32; 2], u32, f32),
     pub transforms: Vec<DAffine3>,
 }
 
@@ -260,7 +260,7 @@ impl Theatre {
             time: 1.0,
             environment,
             afar_at: [0; 2],
-            shining_at: ([0.0; 2], 0),
+            shining_at: ([0.0; 2], 0, 0.0),
             transforms,
         }
     }
@@ -279,8 +279,9 @@ impl Theatre {
         self
     }
 
-    /// What shines is one of the lights.
-    pub fn shining(mut self) -> Self {
+    /// What shines is one of the lights, of which so many points are drawn.
+    pub fn shining(mut self, draws: u32) -> Self {
+        self.frame.emitters = draws;
         emitters::append(&mut self.environment, &self.scene, &self.geometry, &self.transforms);
         self.lights.push(shaders::Light { shape: LIGHT_MESH, ..shaders::Light::default() });
         self.frame.light_count += 1;
@@ -322,7 +323,7 @@ impl Theatre {
         self.time = frame_time(self.frame.shutter, pair(PAIR_TIME)[0]);
         let bits = |pair| seed_bits(&draw.sampler, self.frame.variation, draw.seed, pair);
         self.afar_at = bits(PAIR_ENVIRONMENT);
-        self.shining_at = (at, bits(PAIR_CHOICE)[1]);
+        self.shining_at = (at, bits(PAIR_CHOICE)[1], pair(PAIR_EMITTER)[0]);
         let still = |light: shaders::Light| shaders::Light { moved: [0.0; 3], ..light };
         let time = self.time;
         self.lights.iter_mut().for_each(|light| *light = still(light_point(&light_at_time(light, time), at)));
@@ -350,7 +351,13 @@ impl Theatre {
             alpha,
             lens: self.lens,
             afar: Some(Afar { table: &self.environment, at: self.afar_at }),
-            shining: Some(Shining { table: &self.environment, at: self.shining_at.0, draw: self.shining_at.1 }),
+            shining: Some(Shining {
+                table: &self.environment,
+                at: self.shining_at.0,
+                draw: self.shining_at.1,
+                pick: self.shining_at.2,
+                count: self.frame.emitters,
+            }),
         }
     }
 

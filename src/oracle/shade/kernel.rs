@@ -10,7 +10,7 @@ use super::light::{IRRADIANCE_MAX, light_at};
 use super::material::{Surface, emission_at, surface_at};
 use crate::oracle::bounded::Bounded;
 use crate::oracle::camera::{Projection, project_within, transform_bounded};
-use crate::oracle::emitter::{INTENSITY, Shining, draw_emitter};
+use crate::oracle::emitter::{Receiver, Shining, draw_emitter};
 use crate::oracle::environment::{Afar, DIRECTION, IRRADIANCE};
 use crate::oracle::lens::lens_shift_bounded;
 use crate::oracle::motion::light_at_time;
@@ -162,8 +162,13 @@ fn surface_radiance(
     }
     let shines = |i: &u32| lights[*i as usize].shape == LIGHT_MESH && lit >> i & 1 != 0;
     if let (Some(shining), Some(_)) = (&stage.shining, (0..stage.frame.light_count).find(shines)) {
-        let (part, part_error) =
-            reflected_from_emitter(stage, &seen.surface, &seen.bounds, seen.view, (shining, seen.point.position));
+        let (part, part_error) = reflected_from_emitter(
+            stage,
+            &seen.surface,
+            &seen.bounds,
+            seen.view,
+            (shining, Receiver { point: seen.point, error: seen.bounds.geometric }),
+        );
         radiance += part;
         error += part_error + 4.0 * U * radiance;
     }
@@ -279,9 +284,10 @@ fn reflected_from_emitter(
     surface: &Surface,
     bounds: &Directions,
     view: DVec3,
-    (shining, position): (&Shining<'_>, Vec3),
+    (shining, receiver): (&Shining<'_>, Receiver),
 ) -> (DVec3, DVec3) {
-    let emitter = draw_emitter(stage, shining, &Light { shape: LIGHT_MESH, ..Light::default() }, position);
+    let position = receiver.point.position;
+    let emitter = draw_emitter(stage, shining, &Light { shape: LIGHT_MESH, ..Light::default() }, &receiver);
     let material = stage.material(emitter.primitive);
     let [u, v] = emitter.weights;
     let emission = emission_at(material, &stage.spot(emitter.primitive, u, v).attributes(), stage.textures);
@@ -292,16 +298,16 @@ fn reflected_from_emitter(
     // The cosine at the lamp and the emission are off by as much whatever they are: bounds are of those without them.
     let bare = light_at(&Light { shape: LIGHT_SHARP, ..emitter.light }, position.to_array()).irradiance * weight;
     let most = Vec3::from(material.emissive).as_dvec3();
-    let id = shining.row()[0] & INSTANCE_MASK;
-    let lamp = normal_error(stage, id, emitter.primitive) + (41.0 + 64.0 + 64.0) * U;
-    let irradiance_error = bare * emission * (lamp + INTENSITY) + bare * most * 4.0 * COLOR;
+    let lamp = normal_error(stage, emitter.instance, emitter.primitive) + (41.0 + 64.0 + 64.0) * U;
+    let irradiance_error = bare * emission * (lamp + emitter.error) + bare * most * 4.0 * COLOR;
     let albedo = albedo_error(bounds);
-    match reflection_error(&surface.reflector, bounds, (surface.normal, view, incident.direction), albedo) {
+    let bound = reflection_error(&surface.reflector, bounds, (surface.normal, view, incident.direction), albedo);
+    match bound.filter(|_| !emitter.doubtful) {
         Some((relative, absolute)) => {
             let error = (part * relative + absolute) * (irradiance + irradiance_error) + part * irradiance_error;
             (part * irradiance, error)
         }
-        None if irradiance + irradiance_error == DVec3::ZERO => (DVec3::ZERO, DVec3::ZERO),
+        None if irradiance + irradiance_error == DVec3::ZERO && !emitter.doubtful => (DVec3::ZERO, DVec3::ZERO),
         None => (part * irradiance, DVec3::INFINITY),
     }
 }
