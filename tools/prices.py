@@ -108,7 +108,7 @@ def pruned():
 
 
 def turns(first, second, rounds=3):
-    """Medians of two benches that take turns: ms, MiB and phases of each."""
+    """Of two benches that take turns the medians of ms, MiB and phases."""
     results = ([], [])
     for _ in range(rounds):
         for of, run in zip(results, (first, second)):
@@ -136,17 +136,23 @@ def effects():
     return text
 
 
-def nothing():
-    text = header(["scene", "before, ms", "now, ms", "ratio", "again", "memory, MiB"])
+def nothing(rounds=12):
+    """Against another build, in turns whose order turns, too. Other work on the machine only adds time: the smallest are the surest."""
+    text = header(["scene", "before, ms", "now, ms", "smallest", "median of pairs", "quartiles", "memory, MiB"])
     for name in ["hairball", "terrain", "spheres", "cornell", "bump", "text"]:
         if ONLY not in name:
             continue
         print(name, flush=True)
-        scene = [f"builtin:{name}"]
-        pairs = [turns(lambda: bench(scene, program=BEFORE)[0], lambda: bench(scene)[0], 5) for _ in range(2)]
-        (a, small, _), (b, big, _) = pairs[0]
-        again = pairs[1][1][0] / pairs[1][0][0]
-        text += row([name, f"{a:.1f}", f"{b:.1f}", f"{b / a:.3f}", f"{again:.3f}", f"{small:.2f} → {big:.2f}"])
+        runs = {BEFORE: [], STILLRAY: []}
+        for index in range(rounds):
+            for program in (BEFORE, STILLRAY) if index % 2 == 0 else (STILLRAY, BEFORE):
+                runs[program].append(bench([f"builtin:{name}"], frames=16, program=program)[0])
+        before, now = runs[BEFORE], runs[STILLRAY]
+        least = [min(method["total_ms"]["min"] for method in of) for of in (before, now)]
+        ratios = [b["total_ms"]["median"] / a["total_ms"]["median"] for a, b in zip(before, now)]
+        low, middle, high = statistics.quantiles(ratios, n=4)
+        cells = [f"{least[0]:.1f}", f"{least[1]:.1f}", f"{least[1] / least[0]:.3f}", f"{middle:.3f}", f"{low:.3f} to {high:.3f}"]
+        text += row([name, *cells, f"{mib(before[0]):.2f} → {mib(now[0]):.2f}"])
     return text
 
 

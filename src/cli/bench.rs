@@ -83,6 +83,9 @@ impl Bench {
         if let Some(path) = &self.source.json {
             json::write(path, &report)?;
         }
+        if self.source.quiet {
+            return Ok(());
+        }
         let [w, h] = self.source.size;
         let device = &report.device;
         let title = format!("{}, {w}x{h}, motion {}, {}\n\n", report.scene, stage.motion(), device.name);
