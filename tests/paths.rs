@@ -95,7 +95,7 @@ fn a_slab_passes_what_fresnel_leaves() {
         let a = (-f64::from(absorption) * 0.5).exp();
         let expected: f64 = [1, 3, 5, 7].iter().map(|k| (1.0 - r).powi(2) * r.powi(k - 1) * a.powi(*k)).sum();
         let scene = slab(wall(), &glass(ior, absorption), 0.5, 0.0, 4.0).camera(&narrow());
-        for part in [0.25, 0.5] {
+        for part in [0.0, 0.25, 0.5] {
             let deep = Settings { path_depth: 8, path_part: part, ..settings(Method::Supersample) };
             let found = measured(&scene, &deep, narrow(), 8);
             println!("index {ior}, {absorption}/m, {part} reflected: {found:?}, expected {expected}");

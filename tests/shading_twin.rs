@@ -528,7 +528,7 @@ fn scatter_question(s: &mut Stream, i: usize) -> ScatterQuestion {
         opaque: [1.0, 0.0, s.range(0.0, 1.0)][i % 3],
         u: [s.range(0.0, 1.0), s.range(0.0, most)],
         which: s.range(0.0, 1.0),
-        part: s.range(0.05, 0.95),
+        part: [s.range(0.05, 0.95), 0.0][i / 7 % 2],
         exponent: [0.0, 0.0, s.size(0.0, 6.0)][i / 3 % 3],
         index: [0.0, 1.0, s.range(0.25, 4.0), 1.0 / 1.5, 1.5][i / 5 % 5],
         padding: [0.0; 2],

@@ -13,7 +13,7 @@ struct Scatterer {
     Reflector reflector;
     float exponent;  // of Phong's lobe; 0: the lobe of the roughness
     float index;     // of refraction, relative: on the viewer's side over that behind; 0: a thin wall, the same on both
-    float part;      // chance of a reflection where both are possible, 0..1
+    float part;      // chance of a reflection where both are possible, 0..1; 0: the part of the light that is reflected
 };
 
 // A direction in which a path goes on.
@@ -107,6 +107,13 @@ Reflected phong_uniform(Reflector r, vec3 normal, vec3 view) {
     return Reflected(diffuse_color(r) * (1.0 - fresnel), fresnel);
 }
 
+// What is reflected over what goes on at all, but for a twentieth of the paths at least: light may come from either side.
+float reflected_part(vec3 fresnel, vec3 passing) {
+    float reflected = max(fresnel.r, max(fresnel.g, fresnel.b));
+    float passes = max(passing.r, max(passing.g, passing.b));
+    return clamp(reflected / max(reflected + passes, SMALLEST_NORMAL), 0.05, 0.95);
+}
+
 // Where the path goes on. `normal` is the shading normal and `geometric` the surface's, both unit and on the viewer's side;
 // `u` draws within the lobe, `which` between reflection and refraction, all 0..1. Radiance is not scaled by the square of the
 // index: light from lights is not refracted on its way either.
@@ -136,18 +143,20 @@ Bounce scatter(Scatterer s, vec3 normal, vec3 geometric, vec3 view, vec2 u, floa
     bool both_ways = through > 0.0 && !total;
     vec3 to;
     vec3 weight = total ? vec3(1.0) : fresnel;
-    bool passes = both_ways && which >= s.part;
+    vec3 passing = (1.0 - fresnel) * s.reflector.base_color * through;
+    float part = s.part > 0.0 ? s.part : reflected_part(fresnel, passing);
+    bool passes = both_ways && which >= part;
     if (passes) {
         vec3 straight = reflect(-from, facet) * vec3(1.0, 1.0, -1.0);
         to = solid ? facet * (s.index * cosine - behind) - from * s.index : straight;
-        weight = (1.0 - fresnel) * s.reflector.base_color * (through / (1.0 - s.part));
+        weight = passing / (1.0 - part);
     } else if (phong) {
         vec3 mirrored = vec3(-from.xy, from.z);
         to = phong_direction(mirrored, s.exponent, u);
-        weight = weight / (both_ways ? s.part : 1.0);
+        weight = weight / (both_ways ? part : 1.0);
     } else {
         to = 2.0 * cosine * facet - from;
-        weight = weight * lobe_gain(f0, from.z, s.reflector.roughness) / (both_ways ? s.part : 1.0);
+        weight = weight * lobe_gain(f0, from.z, s.reflector.roughness) / (both_ways ? part : 1.0);
     }
     vec3 direction = normalize(right * to.x + up * to.y + normal * to.z);
     float side = passes ? -1.0 : 1.0;

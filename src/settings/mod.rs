@@ -58,7 +58,8 @@ pub struct Settings {
     pub path_depth: u32,
     /// Surfaces of at most this perceptual roughness send reflection rays, 0 to 1; 0: only those do that transmit or have Phong's lobe.
     pub gloss: f32,
-    /// Part of the paths that are reflected where light passes through too, 0.05 to 0.95 (P of paper 2, section 3.5).
+    /// Part of the paths that are reflected where light passes through too, 0 to 0.95 (P of paper 2, section 3.5); 0: as large a
+    /// part as of the light is, from 0.05 to 0.95.
     pub path_part: f32,
     /// Light that comes from surfaces.
     pub indirect: Indirect,

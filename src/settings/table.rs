@@ -371,14 +371,16 @@ pub static KNOBS: &[Knob] = &[
     },
     Knob {
         name: "path.reflected",
-        about: "part of the paths that are reflected where light passes through too (P of paper 2, section 3.5)",
+        about: "part of the paths that are reflected where light passes through too (P of paper 2, section 3.5); 0: as large a part as of \
+                the light is, from 0.05 to 0.95",
         unit: "1",
-        trades: "more: less noise of reflections on glass, and more of what is seen through it",
-        domain: Domain::Number { min: 0.05, max: 0.95, at: |s| &mut s.path_part },
+        trades: "more: less noise of reflections on glass, and more of what is seen through it; 0: least noise where light comes alike from both \
+                 sides",
+        domain: Domain::Number { min: 0.0, max: 0.95, at: |s| &mut s.path_part },
         applies: any,
         rays: false,
         distinct: |scene, value| scene.transmits || value == Number(0.25),
-        ladder: &[Number(0.1), Number(0.25), Number(0.5)],
+        ladder: &[Number(0.0), Number(0.1), Number(0.25), Number(0.5)],
     },
     Knob {
         name: "indirect.depth",

@@ -15,7 +15,7 @@ pub struct Scatterer {
     pub exponent: f64,
     /// Index of refraction on the viewer's side over that behind; 0: a thin wall, the same on both.
     pub index: f64,
-    /// Chance of a reflection where both are possible, 0 to 1 and neither.
+    /// Chance of a reflection where both are possible, below 1; 0: the part of the light that is reflected.
     pub part: f64,
 }
 
@@ -145,6 +145,19 @@ impl Facet {
         Self { normal: Known { value: facet, error }, cosine, behind, behind2, fresnel, f0, through }
     }
 
+    /// The chance of a reflection.
+    fn part(&self, s: &Scatterer) -> Known<f64> {
+        if s.part > 0.0 {
+            return Known { value: s.part, error: 0.0 };
+        }
+        let passing = (1.0 - self.fresnel.value) * s.reflector.base_color * self.through;
+        let (reflected, all) =
+            (self.fresnel.value.max_element(), passing.max_element() + self.fresnel.value.max_element());
+        let value = (reflected / all.max(f64::from(f32::MIN_POSITIVE))).clamp(0.05, 0.95);
+        // Sum and quotient of what is off by as much as Fresnel's factor: where next to nothing goes on, in proportion.
+        Known { value, error: 3.0 * self.fresnel.error / all.max(f64::MIN_POSITIVE) + 8.0 * U }
+    }
+
     /// The mirrored direction.
     fn mirrored(&self, from: DVec3) -> Known<DVec3> {
         let value = 2.0 * self.cosine.value * self.normal.value - from;
@@ -172,16 +185,20 @@ pub fn scatter(s: &Scatterer, [normal, geometric]: [DVec3; 2], view: DVec3, u: [
     let facet = Facet::of(s, from, u);
     let total = facet.through > 0.0 && facet.behind2 <= 0.0;
     let both_ways = facet.through > 0.0 && !total;
-    let passes = both_ways && which >= s.part;
-    let chance = if both_ways { s.part } else { 1.0 };
+    let part = facet.part(s);
+    let passes = both_ways && which >= part.value;
+    let unsure = both_ways && (which - part.value).abs() <= part.error;
+    let chance = if both_ways { part.value } else { 1.0 };
+    let slack = if both_ways { part.error / chance.min(1.0 - chance) } else { 0.0 };
     let (to, weight) = if passes {
-        let scale = s.reflector.base_color * (facet.through / (1.0 - s.part));
-        let error = (facet.fresnel.error + 8.0 * U) * scale.max_element();
+        let scale = s.reflector.base_color * (facet.through / (1.0 - chance));
+        let error = (facet.fresnel.error + slack + 8.0 * U) * scale.max_element();
         (facet.bent(s.index, from), Known { value: (1.0 - facet.fresnel.value) * scale, error })
     } else {
         let whole = if total { Known { value: DVec3::ONE, error: 0.0 } } else { facet.fresnel };
         let gain = if phong { Known { value: DVec3::ONE, error: 0.0 } } else { gain_bounded(&facet, s, from.z) };
-        let error = (whole.error * gain.value.max_element() + gain.error + 8.0 * U) / chance;
+        let error =
+            (whole.error * gain.value.max_element() + gain.error + slack * gain.value.max_element() + 8.0 * U) / chance;
         let to = if phong {
             let (value, error) = phong_bounded(DVec3::new(-from.x, -from.y, from.z), s.exponent, u);
             Known { value, error }
@@ -195,7 +212,7 @@ pub fn scatter(s: &Scatterer, [normal, geometric]: [DVec3; 2], view: DVec3, u: [
     let side = if passes { -1.0 } else { 1.0 };
     let (height, over) = (to.value.z * side, direction.dot(geometric) * side);
     let critical = facet.through > 0.0 && facet.behind2.abs() <= 4.0 * facet.cosine.error * (1.0 + s.index * s.index);
-    let doubtful = critical || height.abs() <= 2.0 * direction_error || over.abs() <= 2.0 * direction_error;
+    let doubtful = unsure || critical || height.abs() <= 2.0 * direction_error || over.abs() <= 2.0 * direction_error;
     let beyond = height <= 0.0 || over <= 0.0;
     if beyond && !doubtful {
         return None;
