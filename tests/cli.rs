@@ -137,6 +137,8 @@ fn wrong_words_are_usage_errors_that_name_the_option() {
         (&["trade", "builtin:cornell", "--sky", "3"], "--sky"),
         (&["render", "--sky", "1.6"], "from 1.7 to 10"),
         (&["render", "--sky", "3", "--sun", "10,91"], "from 0 to 90"),
+        (&["render", "--sky", "3", "--pollution", "0.2"], "from 0 to 0.1"),
+        (&["render", "--pollution", "0.01"], "--sky"),
         (&["render", "--sun", "10,20"], "--sky"),
         (&["render", "--sky", "3", "--environment", "sky.exr"], "cannot be used with"),
         (&["render", "builtin:penumbra?light=801"], "from 0 to 800"),

@@ -10,7 +10,7 @@ use stillray::metric::sequence::Metric;
 use stillray::renderer::{Aov, Method, Settings};
 use stillray::report::bench::Build;
 use stillray::scene::motion::Motion;
-use stillray::scene::sky::{Sky, TURBIDITIES};
+use stillray::scene::sky::{POLLUTIONS, Sky, TURBIDITIES};
 use stillray::scene::{Environment, EnvironmentMap, Lens, Scene, import};
 use stillray::settings::knob::Knob;
 use stillray::settings::{Modelling, Sampling, file as settings_file};
@@ -101,6 +101,9 @@ pub struct Surroundings {
     /// to 90 [default: 130,35]
     #[arg(long, value_name = "A,E", value_parser = sun, allow_hyphen_values = true, requires = "sky")]
     pub sun: Option<[f64; 2]>,
+    /// Nitrogen dioxide in the air above, which makes smog brown, in centimetres, from 0 to 0.1: 0.002 over a town in traffic [default: 0]
+    #[arg(long, value_name = "CM", value_parser = ranged(POLLUTIONS[0], POLLUTIONS[1]), allow_negative_numbers = true, requires = "sky")]
+    pub pollution: Option<f64>,
 }
 
 impl Surroundings {
@@ -122,7 +125,8 @@ impl Surroundings {
             let usual = Sky::default();
             let [azimuth, elevation] =
                 self.sun.map_or([usual.azimuth, usual.elevation], |degrees| degrees.map(f64::to_radians));
-            Sky { turbidity, azimuth, elevation, ..usual }.apply(scene, scale)?;
+            let pollution = self.pollution.unwrap_or(usual.pollution);
+            Sky { turbidity, pollution, azimuth, elevation, ..usual }.apply(scene, scale)?;
         }
         Ok(())
     }

@@ -42,7 +42,7 @@ pub const NAMES: &[(&str, &str)] = &[
     ),
     (
         "skylight",
-        "a yard under sky and sun (?turbidity=17..100, in tenths, &azimuth=0..359, &elevation=0..90, of the sun in degrees)",
+        "a yard under sky and sun (?turbidity=17..100, in tenths, &azimuth=0..359, &elevation=0..90, of the sun in degrees, &pollution=0..100, in 1/1000 cm)",
     ),
     ("mist", "trees in the way of a low sun, in a layer of mist that drifts (?density=0..100, in tenths of the usual)"),
     ("billiards", "balls that roll over a pool table, blurred by it (?rings=4..256, of a ball)"),

@@ -8,11 +8,12 @@ use crate::scene::sky::Sky;
 use crate::scene::{LocalTransform, Material, Scene};
 use glam::{DQuat, DVec3, Vec3, Vec4};
 
-/// Haze in tenths, and the sun's azimuth and elevation in degrees.
-pub(super) const PARAMETERS: [Parameter; 3] = [
+/// Haze in tenths, the sun's azimuth and elevation in degrees, and thousandths of a centimetre of nitrogen dioxide.
+pub(super) const PARAMETERS: [Parameter; 4] = [
     Parameter { name: "turbidity", min: 17, max: 100, default: 30 },
     Parameter { name: "azimuth", min: 0, max: 359, default: 120 },
     Parameter { name: "elevation", min: 0, max: 90, default: 35 },
+    Parameter { name: "pollution", min: 0, max: 100, default: 0 },
 ];
 /// Of the ground, to the horizon.
 const ALBEDO: f32 = 0.25;
@@ -48,6 +49,7 @@ pub(super) fn build(values: &[u32]) -> Result<Scene> {
         turbidity: number(0) / 10.0,
         azimuth: number(1).to_radians(),
         elevation: number(2).to_radians(),
+        pollution: number(3) / 1000.0,
         ground: f64::from(ALBEDO),
     };
     let mut scene = stage.finish();
