@@ -207,6 +207,7 @@ struct Owned {
 
 impl Drop for Owned {
     fn drop(&mut self) {
+        let _making = one_at_a_time();
         // SAFETY: we made all three, whatever was made from them is gone, and they are not used after.
         unsafe {
             if let Some(device) = self.device.take() {
@@ -223,6 +224,14 @@ impl Drop for Owned {
 fn load() -> Result<ash::Entry> {
     // SAFETY: loading the Vulkan loader runs its initialisers, which are trusted like any system library's.
     unsafe { ash::Entry::load() }.map_err(|e| Error::NoLoader { cause: e.to_string() })
+}
+
+/// Held while an instance or a device is made or destroyed. Vulkan lets several threads do that at once, but the validation layer (1.3.239)
+/// keeps them in a table that it does not guard, and has crashed where they did.
+static MAKING: Mutex<()> = Mutex::new(());
+
+fn one_at_a_time() -> MutexGuard<'static, ()> {
+    MAKING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -246,8 +255,10 @@ fn make_instance(entry: &ash::Entry, validation: bool) -> Result<Owned> {
     if validation {
         info = info.push_next(&mut features);
     }
+    let making = one_at_a_time();
     // SAFETY: all names are static C strings and the chained structures live until the call returns.
     let made = unsafe { entry.create_instance(&info, None) };
+    drop(making);
     if made.as_ref().err() == Some(&vk::Result::ERROR_INCOMPATIBLE_DRIVER) {
         // The loader's way of saying that no driver is installed.
         return Err(Error::NoDevice { selector: None, rejected: Vec::new() });
@@ -340,6 +351,7 @@ fn make_device(instance: &ash::Instance, fit: &Fit, family: u32) -> Result<ash::
     let features = vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(true);
     let info =
         vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features).push_next(&mut v13);
+    let _making = one_at_a_time();
     // SAFETY: the device was enumerated from this instance, and `fit` says that it has the features asked for.
     check(unsafe { instance.create_device(fit.physical, &info, None) }, "making a device")
 }
