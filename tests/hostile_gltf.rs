@@ -5,6 +5,8 @@
 
 #[path = "support/gltf.rs"]
 mod gltf;
+#[path = "support/mutation.rs"]
+mod mutation;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -13,6 +15,7 @@ use std::time::{Duration, Instant};
 
 use glam::DAffine3;
 use gltf::{File, push};
+use mutation::{Random, damage, mutations, number, peak_memory, pointers, remove, value};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use stillray::scene::deform::{Deformed, deform};
@@ -22,26 +25,6 @@ use stillray::scene::{import, requirements};
 const INPUTS: usize = 8000;
 /// Real models with more than this in their folder would make the test slow.
 const MAX_FOLDER: u64 = 150 << 10;
-
-/// SplitMix64 (Steele et al. 2014): any seed is a good one.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() % n.max(1) as u64) as usize
-    }
-
-    fn pick<'a, T>(&mut self, from: &'a [T]) -> &'a T {
-        &from[self.below(from.len())]
-    }
-}
 
 /// A file that loads, taken apart.
 struct Original {
@@ -182,111 +165,6 @@ fn originals() -> Vec<Original> {
     out
 }
 
-/// Flips bits, overwrites runs, cuts off, or cuts out.
-fn damage(bytes: &mut Vec<u8>, random: &mut Random) {
-    match random.below(5) {
-        0 => bytes.truncate(random.below(bytes.len())),
-        1 => {
-            let from = random.below(bytes.len());
-            let to = (from + random.below(64)).min(bytes.len());
-            bytes.drain(from..to);
-        }
-        2 => {
-            let (from, value) = (random.below(bytes.len()), *random.pick(&[0, 0xff, 0x7f, b'9', b'[']));
-            bytes.iter_mut().skip(from).take(1 + random.below(16)).for_each(|byte| *byte = value);
-        }
-        _ => {
-            for _ in 0..1 + random.below(8) {
-                let at = random.below(bytes.len());
-                if let Some(byte) = bytes.get_mut(at) {
-                    *byte ^= 1 << random.below(8);
-                }
-            }
-        }
-    }
-}
-
-/// Numbers that indices, counts, sizes and factors should not be.
-fn number(random: &mut Random) -> Value {
-    let choices = [
-        json!(0),
-        json!(1),
-        json!(-1),
-        json!(2),
-        json!(3),
-        json!(4),
-        json!(7),
-        json!(127),
-        json!(255),
-        json!(65535),
-        json!(5121),
-        json!(5125),
-        json!(5126),
-        json!(i32::MAX),
-        json!(u32::MAX),
-        json!(1u64 << 32),
-        json!(i64::MAX),
-        json!(u64::MAX),
-        json!(u64::MAX - 3),
-        json!(i64::MIN),
-        json!(0.5),
-        json!(-0.0),
-        json!(1e-40),
-        json!(3e38),
-        json!(-3e38),
-        json!(1e39),
-        json!(1e300),
-        json!(100_000_000),
-        json!(1 << 22),
-    ];
-    if random.below(3) == 0 { json!(random.below(40)) } else { random.pick(&choices).clone() }
-}
-
-fn value(random: &mut Random) -> Value {
-    match random.below(8) {
-        0 => json!(null),
-        1 => json!(random.pick(&[
-            "",
-            "SCALAR",
-            "VEC4",
-            "MAT4",
-            "STEP",
-            "CUBICSPLINE",
-            "BLEND",
-            "../../x",
-            "data:,",
-            "a%zz"
-        ])),
-        2 => json!([]),
-        3 => json!({}),
-        4 => json!([0, 1, 2, 3]),
-        _ => number(random),
-    }
-}
-
-/// Pointers to all values of a tree, the numbers among them first.
-fn pointers(tree: &Value, here: &str, numbers: &mut Vec<String>, others: &mut Vec<String>) {
-    let mut visit = |key: &str, child: &Value| {
-        let there = format!("{here}/{}", key.replace('~', "~0").replace('/', "~1"));
-        if child.is_number() { &mut *numbers } else { &mut *others }.push(there.clone());
-        pointers(child, &there, numbers, others);
-    };
-    match tree {
-        Value::Object(map) => map.iter().for_each(|(key, child)| visit(key, child)),
-        Value::Array(array) => array.iter().enumerate().for_each(|(i, child)| visit(&i.to_string(), child)),
-        _ => {}
-    }
-}
-
-fn remove(tree: &mut Value, pointer: &str) {
-    let Some((parent, key)) = pointer.rsplit_once('/') else { return };
-    match tree.pointer_mut(parent) {
-        Some(Value::Object(map)) => drop(map.remove(&key.replace("~1", "/").replace("~0", "~"))),
-        Some(Value::Array(array)) => drop(array.remove(key.parse().unwrap())),
-        _ => {}
-    }
-}
-
 /// Changes values of the JSON, mostly numbers.
 fn rewrite(json: &mut Value, random: &mut Random) {
     for _ in 0..1 + random.below(3) {
@@ -401,20 +279,15 @@ fn try_out(bytes: &[u8], path: &Path) -> bool {
     true
 }
 
-/// The most memory the process has had, where the system says.
-fn peak_memory() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? << 10)
-}
-
 #[test]
 fn no_mutated_file_makes_the_importer_panic() {
     let originals = originals();
     let loadable = originals.iter().filter(|o| try_out(&o.bytes, &o.path)).count();
     assert!(loadable >= 2, "the originals load: else mutating them proves nothing");
     let accepted = AtomicUsize::new(0);
-    let failures: Vec<(u64, Duration, Option<String>)> = (0..INPUTS as u64)
+    let seeds = mutations(INPUTS);
+    let inputs = (seeds.end - seeds.start) as usize;
+    let failures: Vec<(u64, Duration, Option<String>)> = seeds
         .into_par_iter()
         .map(|seed| {
             let mut random = Random(seed);
@@ -429,13 +302,13 @@ fn no_mutated_file_makes_the_importer_panic() {
         .collect();
     let slowest = failures.iter().max_by_key(|(_, time, _)| *time).unwrap();
     let accepted = accepted.into_inner();
-    println!("{INPUTS} mutations of {} files: {accepted} load, the rest is refused", originals.len());
+    println!("{inputs} mutations of {} files: {accepted} load, the rest is refused", originals.len());
     println!("slowest: {:?} (seed {}), peak memory: {:?} bytes", slowest.1, slowest.0, peak_memory());
     let panics: Vec<&String> = failures.iter().filter_map(|(_, _, failure)| failure.as_ref()).collect();
     assert!(panics.is_empty(), "{} inputs panic: {panics:#?}", panics.len());
     // Both ways out are taken, else the mutations are too tame or too wild to show anything.
-    assert!(accepted * 20 > INPUTS, "only {accepted} mutations load");
-    assert!((INPUTS - accepted) * 5 > INPUTS, "only {} mutations are refused", INPUTS - accepted);
+    assert!(accepted * 20 > inputs, "only {accepted} mutations load");
+    assert!((inputs - accepted) * 5 > inputs, "only {} mutations are refused", inputs - accepted);
     // The originals take a few megabytes; a count that is trusted would take gigabytes.
     assert!(peak_memory().is_none_or(|bytes| bytes < 2 << 30), "{:?} bytes", peak_memory());
 }

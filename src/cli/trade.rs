@@ -19,7 +19,7 @@ use stillray::trade::outcome::{self, Outcome as Found};
 use stillray::trade::promise::{self, Trial};
 use stillray::trade::reference::shaders_digest;
 use stillray::trade::search::{Job, Shard};
-use stillray::trade::store::{Search, Store};
+use stillray::trade::store::{MOST_BRACKETS, MOST_CANDIDATES, MOST_FRAMES, Search, Store};
 use stillray::trade::studio::Studio;
 
 use super::arguments::{self, Source, counted, motion, ranged};
@@ -56,13 +56,13 @@ struct Hunt {
     #[arg(long, value_name = "NAMES", default_value = "rotate,orbit", value_delimiter = ',', action = ArgAction::Set, value_parser = motion())]
     motions: Vec<Motion>,
     /// Frames measured of each motion, from 4 to 10000
-    #[arg(long, value_name = "N", default_value = "12", value_parser = counted(4, 10_000))]
+    #[arg(long, value_name = "N", default_value = "12", value_parser = counted(4, MOST_FRAMES))]
     frames: u32,
     /// Settings to try, from 1 to 100000
-    #[arg(long, value_name = "N", default_value = "216", value_parser = counted(1, 100_000))]
+    #[arg(long, value_name = "N", default_value = "216", value_parser = counted(1, MOST_CANDIDATES))]
     candidates: u32,
     /// Groups that are searched independently, from 1 to 1000; as many shards are possible
-    #[arg(long, value_name = "N", default_value = "6", value_parser = counted(1, 1000))]
+    #[arg(long, value_name = "N", default_value = "6", value_parser = counted(1, MOST_BRACKETS))]
     brackets: u32,
     /// Samples a pixel of the frames to compare with, from 16 to 65536
     #[arg(long, value_name = "N", default_value = "64", value_parser = counted(16, 65_536))]

@@ -4,9 +4,10 @@
 //! (and `A`); what else a frame has is in layers named the usual way, `layer.channel`.
 
 use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use ::exr::meta::MetaData;
 use ::exr::meta::attribute::Chromaticities;
 use ::exr::prelude as format;
 use half::f16;
@@ -124,8 +125,9 @@ impl Exr {
     ///
     /// # Errors
     /// As [`read`](Self::read).
-    pub fn decode(bytes: impl Read + Seek, path: &Path) -> Result<Self> {
+    pub fn decode(mut bytes: impl Read + Seek, path: &Path) -> Result<Self> {
         use format::{ReadChannels, ReadLayers};
+        check_size(&mut bytes, path)?;
         let reader = format::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
         let layer = reader.all_attributes().from_buffered(bytes).map_err(|e| failed(path, e))?.layer_data;
         let channel = |c: &format::AnyChannel<format::FlatSamples>| Channel {
@@ -142,6 +144,27 @@ impl Exr {
             channels: layer.channel_data.list.iter().map(channel).collect(),
         })
     }
+}
+
+/// A few bytes can claim any size: it is looked at before anything is made for it.
+fn check_size(bytes: &mut (impl Read + Seek), path: &Path) -> Result<()> {
+    /// Bytes of a picture that one of a file may stand for: four times what the best of the compressions reaches.
+    const MOST: u64 = 4096;
+    let io = |cause| Error::Io { path: path.to_owned(), cause };
+    let meta = MetaData::read_from_buffered(&mut *bytes, false).map_err(|e| failed(path, e))?;
+    let length = bytes.seek(SeekFrom::End(0)).map_err(io)?;
+    bytes.rewind().map_err(io)?;
+    for header in &meta.headers {
+        let [width, height] = [header.layer_size.width(), header.layer_size.height()];
+        let texel = header.channels.bytes_per_pixel.max(1) as u64;
+        let claimed = (width as u64).saturating_mul(height as u64).saturating_mul(texel);
+        if claimed > length.saturating_mul(MOST) {
+            let message =
+                format!("says that it has {width} x {height} pixels, and has {length} bytes: it is not whole");
+            return Err(Error::Image { path: path.to_owned(), message });
+        }
+    }
+    Ok(())
 }
 
 impl Channel {

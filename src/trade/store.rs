@@ -157,6 +157,13 @@ impl From<&PhaseTime> for Phase {
     }
 }
 
+/// Settings that a search tries at most.
+pub const MOST_CANDIDATES: u32 = 100_000;
+/// Brackets that they are dealt into at most.
+pub const MOST_BRACKETS: u32 = 1000;
+/// Frames of a full run at most.
+pub const MOST_FRAMES: u32 = 10_000;
+
 /// A search's folder.
 #[derive(Debug, Clone)]
 pub struct Store {
@@ -172,7 +179,7 @@ impl Store {
         let store = Self { folder: folder.to_owned() };
         let path = folder.join("search.json");
         if path.exists() {
-            let found: Search = read(&path)?;
+            let found = read_search(&path)?;
             if let Some(difference) = difference(&found, search) {
                 return Err(
                     store.wrong(&format!("holds another search ({difference}); choose another --out, or remove it"))
@@ -192,7 +199,7 @@ impl Store {
     /// # Errors
     /// [`Error::Io`] or [`Error::Search`] if it is no search's.
     pub fn existing(folder: &Path) -> Result<(Self, Search)> {
-        let search = read(&folder.join("search.json"))?;
+        let search = read_search(&folder.join("search.json"))?;
         Ok((Self { folder: folder.to_owned() }, search))
     }
 
@@ -311,6 +318,31 @@ fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
         path: path.to_owned(),
         message: format!("is not what a search writes ({e}); remove it"),
     })
+}
+
+/// A search whose counts are those that a search can have: they decide how much is made for it.
+fn read_search(path: &Path) -> Result<Search> {
+    let search: Search = read(path)?;
+    let [width, height] = search.size;
+    let wrong = [
+        (
+            !(1..=MOST_CANDIDATES as usize).contains(&search.candidates),
+            "candidates",
+            format!("from 1 to {MOST_CANDIDATES}"),
+        ),
+        (!(1..=MOST_BRACKETS as usize).contains(&search.brackets), "brackets", format!("from 1 to {MOST_BRACKETS}")),
+        (!(4..=MOST_FRAMES).contains(&search.frames), "frames", format!("from 4 to {MOST_FRAMES}")),
+        (![width, height].iter().all(|n| (1..=16_384).contains(n)), "size", "from 1 to 16384 each way".to_owned()),
+        (!(0.001..=1000.0).contains(&search.fps), "fps", "from 0.001 to 1000".to_owned()),
+        (search.motions.is_empty(), "motions", "a motion at least".to_owned()),
+    ];
+    match wrong.into_iter().find(|(wrong, ..)| *wrong) {
+        None => Ok(search),
+        Some((_, name, expected)) => Err(Error::Search {
+            path: path.to_owned(),
+            message: format!("is not what a search writes ('{name}' is not {expected}); remove it"),
+        }),
+    }
 }
 
 fn make(folder: &Path) -> Result<()> {
