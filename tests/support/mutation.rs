@@ -174,7 +174,8 @@ pub fn try_all(kind: &str, usual: usize, run: impl Fn(&mut Random) -> bool + Syn
     let panics: Vec<u64> = outcomes.iter().filter(|(_, _, panicked)| *panicked).map(|(seed, _, _)| *seed).collect();
     assert!(panics.is_empty(), "{kind}: {} inputs panic, of the seeds {panics:?}", panics.len());
     assert!(accepted * 50 > count && (count - accepted) * 20 > count, "{kind}: {accepted} of {count} are accepted");
-    // What is mutated is small: milliseconds each, where a count that is trusted would take hours, or gigabytes.
-    assert!(slowest.1 < Duration::from_secs(20), "{kind}: seed {} took {:?}", slowest.0, slowest.1);
+    // What is mutated is small: milliseconds each, seconds for a search of 100,000 settings. A count that is trusted would take hours, or
+    // gigabytes.
+    assert!(slowest.1 < Duration::from_secs(300), "{kind}: seed {} took {:?}", slowest.0, slowest.1);
     assert!(peak_memory().is_none_or(|bytes| bytes < 2 << 30), "{kind}: {:?} bytes", peak_memory());
 }
