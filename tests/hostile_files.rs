@@ -263,6 +263,30 @@ fn no_mutated_search_makes_trade_panic() {
     });
 }
 
+#[test]
+fn a_search_with_counts_that_none_has_is_refused() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("search");
+    let path = searched(&folder).remove(0);
+    let whole = fs::read(&path).unwrap();
+    for (pointer, wrong, word) in [
+        ("/candidates", u64::MAX, "from 1 to 100000"),
+        ("/candidates", 0, "'candidates'"),
+        ("/brackets", 1001, "from 1 to 1000"),
+        ("/frames", 3, "from 4 to 10000"),
+        ("/size/1", 16_385, "from 1 to 16384"),
+        ("/fps", 0, "'fps'"),
+    ] {
+        let mut json: Value = serde_json::from_slice(&whole).unwrap();
+        *json.pointer_mut(pointer).unwrap() = wrong.into();
+        fs::write(&path, serde_json::to_vec(&json).unwrap()).unwrap();
+        let message = conclude(&folder).err().unwrap().to_string();
+        assert!(message.contains(word) && message.contains("search.json"), "{message}");
+    }
+    fs::write(&path, &whole).unwrap();
+    conclude(&folder).unwrap();
+}
+
 /// The files of a search, its own first.
 fn files_of(folder: &Path) -> Vec<PathBuf> {
     let mut files = vec![folder.join("search.json")];

@@ -340,7 +340,7 @@ fn read_search(path: &Path) -> Result<Search> {
         None => Ok(search),
         Some((_, name, expected)) => Err(Error::Search {
             path: path.to_owned(),
-            message: format!("is not what a search writes ('{name}' is not {expected}); remove it"),
+            message: format!("is not what a search writes ('{name}' should be {expected}); remove it"),
         }),
     }
 }
